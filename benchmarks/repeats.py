@@ -123,18 +123,15 @@ def _wider(e: Estimate, x: RunScatter, name: ParameterName) -> Estimate:
 
 def table(found: list[Found]) -> None:
     """Print how often each parameter is widened, and covered."""
-    print(f"  {'':<10}{'sets':>6}{'widened':>9}{'before':>8}{'after':>7}{'covered':>9}")
+    print(f"  {'':<10}{'sets':>6}{'widened':>9}{'scatter':>9}{'covered':>9}")
     every = [(name, e, x) for one in found for name, (e, x) in one.items()]
     for name in (*TRUTH, None):
         own = [(n, e, x) for n, e, x in every if name in (n, None)]
         if own:
             share = partial(np.mean, dtype=float)
             inside = share([bool(e.interval and e.interval[0] <= TRUTH[n] <= e.interval[1]) for n, e, _ in own])
-            before, after = (share([getattr(x, which) for *_, x in own]) for which in ("before", "after"))
-            wide = share([x.after < x.before for *_, x in own])
-            print(
-                f"  {name or 'all'!s:<10}{len(own):>6}{wide:>9.1%}{before:>8.2f}{after:>7.2f}{inside:>9.1%}", flush=True
-            )
+            before, wide = share([x.before for *_, x in own]), share([x.widened > 1 for *_, x in own])
+            print(f"  {name or 'all'!s:<10}{len(own):>6}{wide:>9.1%}{before:>9.2f}{inside:>9.1%}", flush=True)
 
 
 if __name__ == "__main__":

@@ -405,9 +405,6 @@ def test_new_drafts_a_file_that_loads(tmp_path: Path) -> None:
     (tmp_path / "draft.yaml").write_text(printed.out, encoding="utf-8")
     assert printed.err == ran.err
     assert len(measure(tmp_path / "draft.yaml").runs) == 1
-    # an experiment file is completed by itself, and beside its runs
-    assert run("new", tmp_path / "draft.yaml").said[0].startswith("nothing added")
-    assert run("new", tmp_path / "draft.yaml", "-o", tmp_path / "plans" / "full.yaml").code == 2
 
 
 def test_version_and_help(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

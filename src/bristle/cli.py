@@ -504,41 +504,29 @@ def plan(
 @command(
     logs=given(
         "LOG...",
-        "Logs of one joint (CSV, Parquet, MAT, NPZ, HDF5, ROS bag), a URDF and logs of its robot, or a half-filled experiment file.",
+        "Logs of one joint (CSV, Parquet, MAT, NPZ, HDF5, ROS bag), or a URDF and logs of its robot.",
     ),
     output=to("FILE", "Write the draft here instead of printing it."),
 )
 def new(logs: list[Path], output: Path | None = None, *, of_logs: Mapping[str, Any]) -> None:
     """Draft an experiment file from logs.
 
-    It runs as it is; a half-filled file gets the kinds of its runs and its line of fit.
+    It runs as it is.
 
     Example: bristle new velocity_*.csv -o wrist.yaml --unit position=deg --column current=i --torque-constant "0.35 N*m/A"
     """
     if output is not None:
         files.check_absent(output)
     told = _told(of_logs)
-    halves = [log for log in logs if log.suffix.lower() in {".yaml", ".yml"}]
     with shown() as progress:
-        if halves:
-            if len(logs) > 1 or told != bristle.Told():
-                remedy = "give it alone, and write units and columns into it"
-                raise InputError(f"{halves[0]}: is completed by itself; {remedy}")
-            if output is not None and output.parent.resolve() != halves[0].parent.resolve():
-                why = f"is in another folder than {halves[0]}, whose runs are named relative to it"
-                raise InputError(f"{output}: {why}; write it beside {halves[0].name}")
-            text, said = bristle.complete(halves[0])
-            sentences = [said]
-        else:
-            text, guessed = bristle.draft(*logs, told=told, folder=output and output.parent, progress=progress)
-            sentences = [f"guessed: {sentence}" for sentence in guessed]
+        text, guessed = bristle.draft(*logs, told=told, folder=output and output.parent, progress=progress)
     if output is None:
         print_lines([text])
     else:
         print_lines([f"Draft: {output}"])
         files.write_text(output, text)
-    for sentence in sentences:
-        complain(sentence)
+    for sentence in guessed:
+        complain(f"guessed: {sentence}")
 
 
 @command(code=given("CODE", "The code in brackets after a warning."))

@@ -3,6 +3,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import yaml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -178,6 +179,21 @@ def test_a_line_is_a_line_at_any_instants(steps: list[float], slope: float, star
         found = brought_to(time, at, x, 1e3)
         np.testing.assert_allclose(found[inside], start + slope * time[inside], atol=1e-9)
         assert np.isnan(found[~inside]).all()
+
+
+def test_topics_with_rows_of_their_own(tmp_path: Path) -> None:
+    """A log whose position and torque stand in different rows is read on the rows of the slower, the other interpolated, and says so."""
+    at_q, at_torque = np.arange(N) % 2 == 0, np.arange(N) % 3 == 1
+    cells = {"t": T, "q": np.where(at_q & ~at_torque, Q, np.nan), "tau": np.where(at_torque, TAU, np.nan)}
+    rows = "".join(
+        ",".join("" if np.isnan(x) else repr(float(x)) for x in row) + "\n" for row in zip(*cells.values(), strict=True)
+    )
+    (tmp_path / "log.csv").write_text("t,q,tau\n" + rows, encoding="utf-8")
+    (found,) = records(tmp_path)
+    own = np.isfinite(cells["q"])
+    assert "own-time" in [note.code for note in found.notes]
+    assert found.time.size <= own.sum()
+    assert present(found.torque) == pytest.approx(np.interp(found.time, T, TAU), abs=0.02 * np.ptp(TAU))
 
 
 def test_times_that_have_gaps_or_do_not_go_together(tmp_path: Path) -> None:

@@ -13,8 +13,6 @@ import bristle
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.findings import Finding, Severity
-from bristle.identification.fisher import static_jacobian
-from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured, measure
 from bristle.model.parameters import Direction, ParameterName, Stribeck
 from bristle.questions.experiment_design import excitation, figures
@@ -24,6 +22,8 @@ from bristle.questions.experiment_design.start import scatter, start_of
 from bristle.questions.experiment_design.velocities import DesignProblem, design, evaluate_design
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import experiments
+from bristle.simulation.fisher import static_jacobian
+from bristle.simulation.limits import Limits, limits_of
 
 from ..conftest import TRUTH, Ran, few_motions_tried, run, speeds, write
 from ..laws import DRAG, EXPONENT, OUTSIDE, motion, points, registered, truth_of

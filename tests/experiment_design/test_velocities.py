@@ -8,8 +8,6 @@ from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 
 from bristle.arrays import Array
-from bristle.identification.fisher import covariance, gram, motion_jacobian, static_information, static_jacobian
-from bristle.identification.limits import Limits
 from bristle.identification.static.batch import COARSE, Batch
 from bristle.identification.static.grid import default_range
 from bristle.identification.static.problem import from_points
@@ -38,6 +36,8 @@ from bristle.questions.experiment_design.velocities import (
 )
 from bristle.simulation.bench import steady_points
 from bristle.simulation.edro import TABLE_1, inertia
+from bristle.simulation.fisher import covariance, gram, motion_jacobian, static_information, static_jacobian
+from bristle.simulation.limits import Limits
 from bristle.simulation.references import Multisine
 
 from .conftest import spaced_speeds

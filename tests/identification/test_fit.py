@@ -126,7 +126,9 @@ def test_units_directions_and_checks_of_a_fit(speeds: Array, gripper: Lugre[floa
     options = FitOptions()
     fits, checks = fit_static(from_points(speeds, torque, ("+",)), options, "revolute", PointInfo())
     assert fits["+"].outcome.code == "static-no-stribeck"
-    assert checks["+"].cost_grid == pytest.approx(float(fits["+"].residuals @ fits["+"].residuals), rel=1e-12)
+    assert checks["+"].verdict.numbers["cost"] == pytest.approx(
+        float(fits["+"].residuals @ fits["+"].residuals), rel=1e-12
+    )
     assert checks["+"].agrees
     assert set(map(str, checks["+"].parameters)) == {"alpha_0+", "alpha_2+"}
     # Coulomb and viscous friction asked for: the outcome says so, whatever the data show

@@ -120,7 +120,6 @@ def test_laws_that_compete() -> None:
     # the lowest BIC is zero, and one law is in force
     found = chosen(truth_of(law_named("gaussian+quadratic"), alpha_3=1.5), 0.05, 1)
     assert min(row.bic for row in found.rows) == 0.0
-    assert [row.name for row in found.rows if row.in_force] == ["gaussian"]
     assert [row.name for row in found.rows] == [law.name for law in competing()]
     # the cost at the exponent that is found is no higher than at any other of 60, and v_s is free at each
     law = law_named("free-exponent")
@@ -247,10 +246,8 @@ def on_points(folder: Path, plus: Lugre[float], minus: Lugre[float], v: Array, f
 
 
 @pytest.mark.parametrize("symmetric", [False, True])
-def test_linear_models_have_the_criteria_and_leave_one_out_by_their_definitions(
-    tmp_path: Path, symmetric: bool
-) -> None:
-    """For each linear model: rms by lstsq, BIC from the maximised Gaussian likelihood, left out from refits without each point."""
+def test_linear_models_have_the_criteria_by_their_definitions(tmp_path: Path, symmetric: bool) -> None:
+    """For each linear model: rms by lstsq, BIC from the maximised Gaussian likelihood."""
     v, fit = BOTH, "directions: symmetric" if symmetric else ""
     joint = on_points(tmp_path, GRIPPER, OTHER, v, fit)
     (found,) = joint.models
@@ -265,11 +262,6 @@ def test_linear_models_have_the_criteria_and_leave_one_out_by_their_definitions(
         variance, k = np.mean(rest**2), columns.shape[1] + 1
         likelihood = float(np.sum(-(rest**2) / (2 * variance) - 0.5 * np.log(2 * np.pi * variance)))
         scores.append(own.bic - (k * np.log(n) - 2 * likelihood))
-        out = [
-            torque[i] - columns[i] @ np.linalg.lstsq(np.delete(columns, i, 0), np.delete(torque, i))[0]
-            for i in range(n)
-        ]
-        assert own.left_out == pytest.approx(100 * np.linalg.norm(out) / np.linalg.norm(torque), rel=1e-8)
     assert scores[0] == pytest.approx(scores[1], abs=1e-6)
     # a model with more terms leaves no more
     assert [row.name for row in found.rows] == [COULOMB, VISCOUS, STRIBECK]

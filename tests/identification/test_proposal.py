@@ -220,28 +220,6 @@ def test_what_no_draft_can_be_made_of(tmp_path: Path) -> None:
     text = drafts(log, told=Told())[1]
     assert "experiment: tracking" in text
     assert "gravity" not in text
-    # whatever stands under runs and signals, what cannot be used is refused in one sentence
-    half = tmp_path / "half.yaml"
-    for runs in ("  - {}", "  - 3", "  {a: 1}", "  - {files: log.csv}\nsignals: 3", "  - {files: [1]}"):
-        half.write_text(f"joint: {{name: a}}\nruns:\n{runs}\n")
-        with pytest.raises(InputError):
-            api.complete(half)
-
-
-def test_a_half_filled_file_gets_its_kinds(tmp_path: Path) -> None:
-    """Runs without `experiment` get the one that their files are of, and the set-up that pays; what the file says already stays."""
-    swung(tmp_path, gravity=3.0)
-    half, full = tmp_path / "half.yaml", tmp_path / "full.yaml"
-    half.write_text(
-        "joint: {name: wrist}\nmotor: {torque_constant: 0.5 N*m/A}\nsignals:\n  time: {column: time_s, unit: s}\n"
-        "  position: {column: pos_deg, unit: deg}\n  current: {column: motor_current_A, unit: A}\nruns:\n- {files: log.csv}\n"
-    )
-    text, said = api.complete(half)
-    full.write_text(text)
-    e = load_experiment(full)
-    assert (e.joint.name, e.runs[0].experiment, e.fit.regressors) == ("wrist", "tracking", ("inertia", "gravity"))
-    assert said.startswith("experiment: tracking, by what the signals do; fit: directions: auto, regressors: [inertia")
-    assert api.complete(full) == (text, "nothing added under fit")
 
 
 JOINT = Lugre(2.0, 1.0, 1.5, 0.1, 1.0, 0.0)

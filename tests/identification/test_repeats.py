@@ -44,7 +44,7 @@ def of_runs(values: Sequence[float], error: float = 1.0, freedom: float = 1e6, o
 
 def scattered(widened_by: float = 3.0, count: int = 5) -> RunScatter:
     runs = {f"run {k}": 1.0 for k in range(count)}
-    return RunScatter(before=widened_by, after=1.0, widened=widened_by, stretched=1.5 * widened_by, by_run=runs)
+    return RunScatter(before=widened_by, widened=widened_by, stretched=1.5 * widened_by, by_run=runs)
 
 
 def test_the_scatter_is_the_root_of_the_reduced_chi_squared() -> None:
@@ -52,13 +52,13 @@ def test_the_scatter_is_the_root_of_the_reduced_chi_squared() -> None:
     # an error of the fit of all runs that is as large as their scatter already is not widened again
     x = of_runs([10.0, 13.0, 16.0], 2.0, of_all=2 / 3**0.5)
     assert x.before == pytest.approx(1.5)
-    assert (x.widened, x.after) == (1.0, x.before)
+    assert x.widened == 1.0
     far = of_runs([10.0, 13.0, 16.0], 0.5, of_all=0.5 / 3**0.5)
-    assert [far.before, far.widened, far.after] == pytest.approx([6.0, 6.0, 1.0])
+    assert [far.before, far.widened] == pytest.approx([6.0, 6.0])
     assert far.by_run == {"run 0": 10.0, "run 1": 13.0, "run 2": 16.0}
     assert far.stretched == pytest.approx(6 * student(2) / student(1e6))
     sure = of_runs([10.0, 13.0, 16.0], 0.5, of_all=4.0)
-    assert (sure.widened, sure.stretched, sure.after) == (1.0, 1.0, 1.0)
+    assert (sure.widened, sure.stretched) == (1.0, 1.0)
     assert scatter_of({"run 0": 1.0}, np.ones(1), np.ones(1), 1.0, 1.0) is None
     assert scatter_of({}, np.zeros(0), np.zeros(0), 1.0, 1.0) is None
     # 95 % intervals of the mean cover 90 to 98 % of them; unwidened ones cover less than half
@@ -98,11 +98,11 @@ def test_an_interval_is_widened_in_one_case_of_a_hundred_by_chance() -> None:
     rng = np.random.default_rng(0)
     sets = rng.standard_normal((4000, 5)) + 10
     found = [of_runs(x.tolist()) for x in sets]
-    share = np.mean([x.after < x.before for x in found])
+    share = np.mean([x.widened > 1 for x in found])
     assert 0.005 < share < 0.016
     spread = np.sqrt(rng.chisquare(20, 4000) / 20)  # of one variance for all runs, known by 4 degrees each
     few = [of_runs(x.tolist(), e, 4.0) for x, e in zip(sets, spread, strict=True)]
-    assert 0.005 < np.mean([x.after < x.before for x in few]) < 0.016
+    assert 0.005 < np.mean([x.widened > 1 for x in few]) < 0.016
 
 
 def moving(truths: Sequence[Lugre[float]]) -> DynamicSolution:
@@ -124,7 +124,7 @@ def test_the_error_by_runs_is_their_scatter() -> None:
     same = moving([GRIPPER] * 3)
     found = clustered(*parts_of_runs(same), same.fit.parameters, 1e6, logarithms(same.fit.names))
     assert len(found) >= 5
-    assert not any(one.after < one.before for one in found.values())
+    assert not any(one.widened > 1 for one in found.values())
     assert not clustered(*parts_of_runs(moving([GRIPPER])), same.fit.parameters, 1e6)
     # the errors of the fit and of the joint covariance grow alike, the value stays, and the sentence says by how much
     fit = moving([GRIPPER] * 6).fit

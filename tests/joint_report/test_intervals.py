@@ -98,10 +98,10 @@ def test_open_ends_and_missing_ways_are_words_in_the_page(open_: Joint, tmp_path
     # before and after widening with each run's estimate
     assert tables.repeats([good]).empty
     by_run = {"one.csv": 0.0190, "two.csv": 0.0200}
-    x = RunScatter(before=2.34, after=1.0, widened=2.34, stretched=10.0, by_run=by_run)
+    x = RunScatter(before=2.34, widened=2.34, stretched=10.0, by_run=by_run)
     joint = replace(good, static={"+": replace(good.static["+"], repeats={"alpha_0": x})})
     frame = tables.repeats([joint])
     assert list(frame["file"]) == list(by_run)
-    assert frame[["value", "before", "after", "widened"]].iloc[0].tolist() == [0.0190, 2.34, 1.0, 2.34]
+    assert frame[["value", "before", "widened"]].iloc[0].tolist() == [0.0190, 2.34, 2.34]
     table = present(sections_of(joint, "uncertainty.html")["Each run fitted apart"].table)
-    assert table.cells.rows == (("static", "alpha_0+", "2.34", "1", "2.34", "0.019, 0.02"),)
+    assert table.cells.rows == (("static", "alpha_0+", "2.34", "2.34", "0.019, 0.02"),)

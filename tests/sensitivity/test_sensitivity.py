@@ -13,9 +13,7 @@ import bristle
 from bristle.api import experiments
 from bristle.arrays import Array
 from bristle.findings import NOTE, Finding
-from bristle.identification.fisher import Information
 from bristle.identification.identify import identify_joint
-from bristle.identification.limits import limits_of
 from bristle.identification.measured import measure
 from bristle.model import functions
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -39,6 +37,8 @@ from bristle.questions.sensitivity.report import report
 from bristle.questions.sensitivity.sobol import Effect, Global, Output, ordered
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy, findings
 from bristle.simulation.edro import TABLE_1
+from bristle.simulation.fisher import Information
+from bristle.simulation.limits import limits_of
 
 from ..conftest import FEW as TOO_FEW
 from ..conftest import TRUTH, run, tree, write

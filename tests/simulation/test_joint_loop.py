@@ -10,11 +10,10 @@ from bristle.control.adaptation import LAWS, Adaptation
 from bristle.control.closed_loop import simulate
 from bristle.control.control_period import LoopOptions
 from bristle.control.pid import Gains
-from bristle.identification import known_joint
 from bristle.identification.fits import TrackingFit
 from bristle.identification.systematic import shifted
 from bristle.model.parameters import Pair
-from bristle.simulation import edro
+from bristle.simulation import drawn_joints, edro
 from bristle.simulation.joint_loop import JointLoop, of_experiment, of_paper, one_way
 
 from ..sameness import of_kind
@@ -55,7 +54,7 @@ def test_loops_of_table_2() -> None:
         assert one.adaptation == Adaptation(law="partial", parameters=("alpha_0", "alpha_2"), gamma=(20.0, 20.0))
         assert one.start == {"alpha_0": 0.3, "alpha_2": 0.5}
         assert (one.amplitude, one.frequency, one.slow, one.period) == (1.0, 0.5, 0.2, 1e-3)
-        assert len(one.draws) == known_joint.DRAWS
+        assert len(one.draws) == drawn_joints.DRAWS
         assert one.assumptions
 
 
@@ -197,7 +196,7 @@ def test_draws_are_those_of_the_covariance(tmp_path: Path, monkeypatch: pytest.M
         assert np.std(factors[:, 0]) == pytest.approx(1e-3, rel=0.3)
     # the same draws in every run; over many, errors being small, the fit's values, and its covariance with its correlations
     n = 4000
-    monkeypatch.setattr(known_joint, "DRAWS", n)
+    monkeypatch.setattr(drawn_joints, "DRAWS", n)
     values = values_of(GRIPPER)
     fit = tracked(values, 0.02)
     found = drawn(tmp_path, fit).draws

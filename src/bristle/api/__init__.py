@@ -4,7 +4,6 @@ from bristle.api.arrays import find_segments, fit, fit_dynamic, fit_presliding, 
 from bristle.api.experiments import (
     adapt,
     compare,
-    complete,
     draft,
     inspect,
     plan,
@@ -28,7 +27,7 @@ from bristle.questions.export.export import Export
 
 __all__ = [
     "Export", "Fit", "Fleet", "InputError", "JointModel", "Lugre", "OwnParameter", "Pair", "Peak", "Results",
-    "Told", "ViscousTerm", "adapt", "compare", "complete", "draft", "explore", "export", "find_segments",
+    "Told", "ViscousTerm", "adapt", "compare", "draft", "explore", "export", "find_segments",
     "fit", "fit_dynamic", "fit_presliding", "fleet", "friction", "identify", "inspect", "plan",
     "read_results", "register_law", "report", "report_of", "sensitivity", "simulate", "validate",
 ]  # fmt: skip  # a list of names

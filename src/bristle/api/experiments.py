@@ -13,7 +13,7 @@ from bristle.api.sources import Source, path_of
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
 from bristle.identification.measured import Measured
-from bristle.identification.proposal import completed, draft_of_logs
+from bristle.identification.proposal import draft_of_logs
 from bristle.identification.results import Joint
 from bristle.page.output_folder import check_folder
 from bristle.progress import Progress, step
@@ -281,19 +281,6 @@ def draft(
     """
     place = None if folder is None else Path(folder)
     return draft_of_logs([Path(log) for log in logs], told or Told(), place, progress)
-
-
-def complete(experiment: Path | str) -> tuple[str, str]:
-    """The text of an experiment file with the kinds of runs and the `fit` line that it lacks, and a sentence on them.
-
-    >>> import bristle
-    >>> text, said = bristle.complete("wrist.yaml")
-    >>> said
-    'nothing added under fit'
-
-    Raises InputError where a file cannot be used.
-    """
-    return completed(Path(experiment))
 
 
 def report_of(result: Answer | Fleet) -> "Report":

@@ -1,7 +1,7 @@
 """Comparison of friction models, or laws, fitted to the same equations: BIC and errors on left-out data."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -33,10 +33,8 @@ class Row:
     """100 * norm(residual) / norm(measured), percent."""
     bic: Number
     """BIC above the lowest of all."""
-    left_out: Number | None
-    """Relative error on left-out points or blocks of speed, percent."""
-    in_force: bool = False
-    """Whether the fits use this law."""
+    left_out: Number | None = None
+    """Of a law: relative error on left-out blocks of speed, percent."""
     candidate: bool = True
     """Whether it may be chosen: it has the terms that the fit supports; a law: `fit.law: auto` may take it."""
     chosen: bool = False
@@ -60,10 +58,6 @@ class Comparison:
     def chosen(self) -> Row:
         """The row to use. Raises StopIteration where there is none."""
         return next(row for row in self.rows if row.chosen)
-
-    def under(self, law: str) -> "Comparison":
-        """The same comparison where the fits use this law."""
-        return replace(self, rows=tuple(replace(row, in_force=row.name == law) for row in self.rows))
 
     def row(self, name: str) -> Row | None:
         """The row of a name, or None."""
@@ -101,15 +95,15 @@ def blocks_of_speed(velocity: Array) -> list[NDArray[np.bool_]]:
     return [part == k for k in range(_BLOCKS)]
 
 
-def rows_of(fitted: Sequence[Fitted], in_force: str = "") -> list[Row]:
-    """The models as rows without left-out errors, none chosen; `in_force` is the fits' law."""
+def rows_of(fitted: Sequence[Fitted]) -> list[Row]:
+    """The models as rows without left-out errors, none chosen."""
     marks, rows = [sum(bic(*solve) for solve in x.solves) - x.itself for x in fitted], list[Row]()
     for x, mark in zip(fitted, marks, strict=True):
         squares, power = sum(power_of(r) for r, *_ in x.solves), sum(measured for *_, measured in x.solves)
         row = Row(
             name=x.name, parameters=sum(count for _, count, *_ in x.solves), rms=float(np.sqrt(squares / x.size)),
             relative_error=100 * float(np.sqrt(squares / power)) if power else None, bic=float(mark - min(marks)),
-            left_out=None, in_force=x.name == in_force, candidate=x.candidate,
+            candidate=x.candidate,
         )  # fmt: skip  # a list of values
         rows.append(row)
     return rows

@@ -43,10 +43,8 @@ def is_results(path: Path) -> bool:
     """Whether a file is a JSON object that names bristle-results. Raises OSError where it cannot be read."""
     check_regular(path)
     with path.open("rb") as file:
-        begun = file.read(_BEGINNING)
-        if not begun.lstrip().startswith(b"{"):
-            return False
-        return b'"bristle-results/' in begun + file.read(LARGEST)  # damage is reported on reading
+        begun = file.read(_BEGINNING)  # damage is reported on reading
+        return begun.lstrip().startswith(b"{") and b'"bristle-results/' in begun + file.read(LARGEST)
 
 
 _BEGINNING = 4096  # bytes that tell another kind of file

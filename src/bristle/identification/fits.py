@@ -88,10 +88,6 @@ class Profile:
     """The grid, rad/s, ascending, (k,)."""
     cost: Array = field(metadata=sized("k"))
     """J_s at the grid, (N*m)**2, (k,)."""
-    plain_v_s: Array = field(metadata=sized("m"))
-    """The paper's plain grid, rad/s, (m,)."""
-    plain_cost: Array = field(metadata=sized("m"))
-    """J_s at the plain grid, (m,)."""
     near_v_s: Array = field(metadata=sized("l"))
     """Values around the minimum, for a smooth curve, rad/s, ascending, (l,)."""
     near_cost: Array = field(metadata=sized("l"))
@@ -118,8 +114,6 @@ class RunScatter:
 
     before: Number
     """Square root of the reduced chi-squared of the runs' estimates, by their own standard errors."""
-    after: Number
-    """The same with the widened errors."""
     widened: Number
     """Factor on the standard error of the fit of all runs, >= 1."""
     stretched: Number
@@ -190,11 +184,6 @@ class StaticFit:
 class Crosscheck:
     """The full nonlinear fit of the same data, as a check."""
 
-    cost_grid: Number
-    cost_full: Number
-    starts: int
-    reached: int
-    """Starts that ended at the lowest cost, within 1e-6 of it."""
     parameters: Mapping[ParameterName, Number]
     difference_in_se: Mapping[ParameterName, Number]
     """(full - grid) in standard errors of the grid fit."""

@@ -24,13 +24,14 @@ from bristle.identification.fits import Crosscheck, Estimate, Presliding, Static
 from bristle.identification.known_joint import chosen
 from bristle.identification.law_comparison import (
     WITH_DRAG,
+    fitted_law,
     law_warnings,
     laws_of_motion,
     laws_of_points,
     term_that_pays,
 )
 from bristle.identification.measured import Measured, nothing_to_fit, with_options, with_wider_low_pass, without_delay
-from bristle.identification.model_selection import bic_of_directions, compare_on_motion, compare_on_points, refitted
+from bristle.identification.model_selection import bic_of_directions, compare_models, refitted
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     directions,
@@ -51,7 +52,7 @@ from bristle.identification.static.fit import fit_moving, fit_points, reconcile_
 from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
 from bristle.model.laws.registry import AUTO, PAPER, law_named
-from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, unit
+from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, slides, unit
 from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9  # factors on the low pass, and the ratio of residuals that shows it was too narrow
@@ -121,12 +122,12 @@ class _Decisions:
         if joint.tracking is not None and uncertainty:  # for the final set-up alone
             joint = self._identified(measured, joint.tracking, uncertainty=True)
         step(self.progress, "comparing friction models")
-        models, other = self._models(joint), 0.0
+        models, other = compare_models(measured, joint), 0.0
         if {APART, SYMMETRIC} <= self.bic.keys():
             apart = measured.experiment.fit.directions == "separate"
             self.told["chosen directions"] = _chosen(self.bic, apart=apart)
             other = float(expit(-np.nan_to_num(abs(self.bic[APART] - self.bic[SYMMETRIC]), nan=np.inf) / 2))
-        warnings = (*law_warnings(self.laws), *self.doubts, *joint.warnings)
+        warnings = (*law_warnings(self.laws, measured.experiment.fit), *self.doubts, *joint.warnings)
         settings = {**joint.settings, **self.told}
         joint = replace(joint, models=models, laws=self.laws, settings=settings, warnings=warnings)
         return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
@@ -180,21 +181,22 @@ class _Decisions:
         if laws is not None and term_that_pays(fit, laws) == WITH_DRAG:
             dragged = with_options(measured, law=WITH_DRAG)
             if all(_brakes(x.problem.named(refit(x.problem.rows(x.kept)).theta)) for x in dragged.searches):
-                self.measured, self.laws = dragged, laws.under(WITH_DRAG)
+                self.measured = dragged
                 return
         if fit.law == AUTO:
             law = PAPER if laws is None else laws.chosen.name
-            self.measured, self.laws = with_options(measured, law=law), laws and laws.under(law)
+            self.measured = with_options(measured, law=law)
 
     def _terms(self) -> None:
         """Add gravity, a spring, then cogging, where it explains half of the moving runs' residuals: the first regression may miss it."""
         for term in ("gravity", "spring", "cogging"):
             fit, moving = self.measured.experiment.fit, self.joint.moving
-            of_term = (
-                w.numbers for w in (moving.warnings if moving else ()) if w.code in ("lacks-a-term", "residual-ripple")
-            )
-            share = max((x["share"] for x in of_term if x.get("term", "cogging") == term), default=0.0)
-            if fit.set_up == AS_WRITTEN or share < 1 / 2:
+            trend = "spring" if slides(self.measured.experiment.joint.kind) else "gravity"
+            lacks = {"residual-ripple": "cogging", "residual-trend": trend}
+            said = [w for w in (moving.warnings if moving else ()) if w.numbers.get("over", "position") == "position"]
+            of_term = (w.numbers for w in said if w.numbers.get("term", lacks.get(w.code)) == term)
+            share = max((x["share"] for x in of_term), default=0.0)
+            if fit.set_up == AS_WRITTEN or share < 1 / 2 or term in (fit.regressors or ()):
                 continue
             more = with_periods(with_options(self.measured, regressors=(*(fit.regressors or ()), term)))
             if self._take(more, _LESS):
@@ -257,15 +259,17 @@ class _Decisions:
         self.laws, ends = laws_of_motion(self.measured, alone, every=every)
         term = None if self.laws is None else term_that_pays(self.measured.experiment.fit, self.laws)
         if self.laws is not None and term is not None:
-            more, found = with_options(self.measured, law=term), self.laws.under(term)
+            more = with_options(self.measured, law=term)
             again = self._identified(more, ends[term])
             if again.tracking is not None and _brakes(again.tracking.known):
-                self.measured, self.joint, self.laws = more, again, found
+                self.measured, self.joint = more, again
         for _ in range(_CHOICES if every else 0):
-            if self.laws is None or self.laws.chosen.in_force or self.joint.tracking is None:
+            if self.laws is None or self.joint.tracking is None:
                 break
             law = self.laws.chosen.name
-            self.measured, self.laws = with_options(self.measured, law=law), self.laws.under(law)
+            if law == fitted_law(self.measured.experiment.fit):
+                break
+            self.measured = with_options(self.measured, law=law)
             self.joint = self._identified(self.measured, ends[law])
             # then peak and terms beside the load
             if self.measured.experiment.fit.load and self.joint.tracking is not None:
@@ -346,16 +350,6 @@ class _Decisions:
             "`false`) under signals.command, or --fresh (--not-fresh)."
         )
         return (Finding("feedback-unknown", CAUTION, message, {"lower": lower}, {"torque": lower * speed}),)
-
-    def _models(self, joint: Joint) -> tuple[Comparison, ...]:
-        """Friction models compared on the points and on the moving runs."""
-        static, alone, found = joint.static, joint.tracking, list[Comparison | None]()
-        if points := self.measured.points(hold_out=False):
-            found.append(compare_on_points(self.measured, static))
-        if alone is not None:
-            own = {} if points else {d: fit for d, fit in static.items() if not fit.is_superseded}
-            found.append(compare_on_motion(self.measured, own, alone))
-        return tuple(x for x in found if x is not None)
 
     def _identified(
         self,

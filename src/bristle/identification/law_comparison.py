@@ -86,8 +86,7 @@ def laws_of_motion(
     ended = [x for x in found if x is not None]
     effective = min((x.effective for x in ended), default=0.0)
     ends: dict[str, Values] = {x.name: {**x.problem.fixed, **x.values} for x in ended}
-    in_force = "+".join((alone.law.name, *own))
-    return ranked("moving runs", [x.fitted(effective) for x in ended], in_force), ends
+    return ranked("moving runs", [x.fitted(effective) for x in ended], "+".join((alone.law.name, *own))), ends
 
 
 class _MovingLaw(NamedTuple):
@@ -191,13 +190,17 @@ def _fitted_to_motion(
     return _MovingLaw("+".join((law.name, *load)), law, problem, values, minimum, posed.unknowns)
 
 
-def law_warnings(laws: Comparison | None) -> tuple[Finding, ...]:
-    """A caution where another law is clearly better than the one in force."""
-    own = None if laws is None else next((row for row in laws.rows if row.in_force), None)
-    if laws is None or own is None or laws.chosen is own:  # too few points are reported by the fit
+def fitted_law(fit: FitOptions) -> str:
+    """The law of the fits, with its load."""
+    return "+".join((fit.friction.name, *fit.load))
+
+
+def law_warnings(laws: Comparison | None, fit: FitOptions) -> tuple[Finding, ...]:
+    """A caution where another law is clearly better than that of the fits."""
+    if laws is None:  # too few points are reported by the fit
         return ()
-    best = laws.chosen
-    if not own.bic - best.bic > GAIN or not _predicts_better(best, own):
+    best, own = laws.chosen, laws.row(fitted_law(fit)) or laws.row(fit.friction.name)
+    if own is None or not own.bic - best.bic > GAIN or not _predicts_better(best, own):
         return ()
     words, numbers = _gain(best, own)
     message = f"Law {best.name} fits better: {words}. Under fit, write `law: {best.name}` (or `law: auto`)."
@@ -261,7 +264,7 @@ def _left_out(problems: Sequence[Regression]) -> LeftOut:
 
 def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | None:
     """Fitted laws as a comparison with the chosen one, or None of the paper's alone; `in_force` is the fits'."""
-    rows = rows_of(fitted, in_force) if fitted else []
+    rows = rows_of(fitted) if fitted else []
     known = {row.name: row.bic for row in rows}
     if GAUSSIAN.name not in known or len(rows) < 2:
         return None
@@ -274,16 +277,12 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | 
     # the lowest BIC among laws clearly better than the paper's, else that
     clearly = [row for row in others if row.candidate and row.name in better and _predicts_better(row, paper)]
     best, other = min(clearly, key=lambda row: row.bic, default=paper), min(others, key=lambda row: row.bic)
-    gain, why = paper.bic - other.bic, f"the BIC of {other.name} is {paper.bic - other.bic:.1f} lower"
-    if better and paper.left_out is None:
-        why = "there are too few points to leave speeds out"
-    elif better:
-        why += ", but it predicts speeds that were left out no better"
-    elif gain > 0:
-        why += f", less than the {GAIN:g} required"
-    else:
-        why = f"it has the lowest BIC ({other.name} has {-gain:.1f} more)"
-    message = f"The data favour no other law than the paper's: {why}."
+    gain = paper.bic - other.bic
+    why = "it is not shown to predict speeds that were left out better" if better else f"{GAIN:g} lower is required"
+    message = (
+        f"The data favour no other law than the paper's: the BIC of {other.name} is {abs(gain):.1f} {'lower' if gain > 0 else 'higher'}, "
+        f"and {why}."
+    )
     sentence = Finding("law-kept", NOTE, message, {"law": other.name, "gain": gain})
     if best is not paper:
         words, numbers = _gain(best, paper)

@@ -4,8 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
-import numpy as np
-
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
@@ -13,12 +11,13 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
 from bristle.estimation.information import bic, power_of
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.comparison import APART, SYMMETRIC, Comparison, Data, Fitted, LeftOut, rows_of
+from bristle.identification.comparison import APART, SYMMETRIC, Comparison, Data, Fitted, rows_of
 from bristle.identification.dynamic.descent import carried, fit, with_deflections
 from bristle.identification.dynamic.problem import Values, dynamic_problem
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS, directions, inertia, moved_in, regressors
+from bristle.identification.results import Joint
 from bristle.identification.static.grid import default_range, solve
 from bristle.identification.static.points import point_regressors, points_problem
 from bristle.identification.static.problem import Regression, from_records
@@ -32,20 +31,22 @@ _WORTH = 0.05  # of BIC: the gain at which a fit per direction ends
 _DEPENDENT = 1e8  # condition number of dependent columns
 
 
-def compare_on_points(measured: Measured, static: Mapping[str, StaticFit]) -> Comparison | None:
-    """The models on points, without LuGre, left out one at a time; None of too few."""
-    experiment, points = measured.experiment, measured.points(hold_out=False)
-    sides = sides_of(points) if experiment.fit.directions == "separate" else ("both",)
-    asked = [name for name in point_regressors(experiment) if name != "offset" or sides == ("both",)]
-    return compared(points_problem(points, sides, asked, experiment.fit.friction), static)
-
-
-def compare_on_motion(measured: Measured, static: Mapping[str, StaticFit], alone: TrackingFit) -> Comparison | None:
-    """The models on moving runs, LuGre as fitted; `static` fits the same runs. None of too few."""
-    experiment, records = measured.experiment, measured.moving(hold_out=False)
-    sides, (fixed, _), options = directions(experiment, records), inertia(experiment), experiment.fit
-    asked = asked_regressors(experiment, sides)
-    return compared(from_records(records, sides, asked, options.every, fixed, options.friction)[0], static, alone)
+def compare_models(measured: Measured, joint: Joint) -> tuple[Comparison, ...]:
+    """The models on the points, and on the moving runs with LuGre as fitted; none of too few."""
+    experiment, found = measured.experiment, list[Comparison | None]()
+    law = experiment.fit.friction
+    if points := measured.points(hold_out=False):
+        sides = sides_of(points) if experiment.fit.directions == "separate" else ("both",)
+        asked = [name for name in point_regressors(experiment) if name != "offset" or sides == ("both",)]
+        found.append(compared(points_problem(points, sides, asked, law), joint.static))
+    if joint.tracking is not None:
+        records = measured.moving(hold_out=False)
+        sides, (fixed, _) = directions(experiment, records), inertia(experiment)
+        asked = [*asked_regressors(experiment, sides)]
+        whole, *_ = from_records(records, sides, asked, experiment.fit.every, fixed, law)
+        static = {} if points else {d: fit for d, fit in joint.static.items() if not fit.is_superseded}
+        found.append(compared(whole, static, joint.tracking))
+    return tuple(x for x in found if x is not None)
 
 
 def compared(whole: Regression, static: Mapping[str, StaticFit], alone: TrackingFit | None = None) -> Comparison | None:
@@ -53,15 +54,13 @@ def compared(whole: Regression, static: Mapping[str, StaticFit], alone: Tracking
 
     The advice is the lowest BIC among models with the terms that `static` and `alone`, the fits of them, support.
     """
-    solves, left_out = dict[str, tuple[Array, int]](), dict[str, LeftOut]()
+    solves = dict[str, tuple[Array, int]]()
     for model in (COULOMB, VISCOUS, STRIBECK):
         lost = {name for name in whole.linear_names if model == COULOMB and name.name == "alpha_2"}
         problem = whole if model == STRIBECK else replace(whole.without(lost), peaks=())
         if problem.torque.size > len(problem.names) and condition(problem.linear) <= _DEPENDENT:
             solution = solve(problem, default_range(problem.velocity))
             solves[model] = solution.residuals, len(problem.names)
-            if alone is None:
-                left_out[model] = _left_out_error(problem.torque, solution.residuals, solution.jacobian)
     if alone is not None:
         solves[LUGRE] = alone.residuals, _unknowns(alone)
     if not solves:
@@ -84,19 +83,9 @@ def compared(whole: Regression, static: Mapping[str, StaticFit], alone: Tracking
         others = ", ".join(f"{row.name} {row.bic - best.bic:+.1f}" for row in rows if row is not best)
         message = f"Use {best.name}: of the models with the terms that the fit supports it has the lowest BIC ({others or 'the only one'})."
         sentence = Finding("use-model", NOTE, message, {"model": best.name})
-    rows = [replace(row, left_out=left_out.get(row.name), chosen=row is best) for row in rows]
+    rows = [replace(row, chosen=row is best) for row in rows]
     data: Data = "points" if alone is None else "moving runs"
     return Comparison(data=data, n=n, effective=effective, rows=tuple(rows), sentence=sentence)
-
-
-def _left_out_error(torque: Array, residuals: Array, jacobian: Array) -> LeftOut:
-    """Leave-one-out error, 100 * norm(r / (1 - h)) / norm(T), percent; None at full leverage."""
-    scale = np.linalg.norm(jacobian, axis=0)
-    basis, values, _ = np.linalg.svd(jacobian / np.where(scale > 0, scale, 1.0), full_matrices=False)
-    seen = basis[:, values > 1e-9 * values[0]]
-    rest = 1 - np.einsum("nk,nk->n", seen, seen)
-    norm = float(np.linalg.norm(torque))
-    return 100 * float(np.linalg.norm(residuals / rest)) / norm if norm and rest.min() > 1e-9 else None
 
 
 def _unknowns(fit: TrackingFit) -> int:

@@ -1,17 +1,15 @@
 """Drafts of experiment files from logs: kind of each run, regressors, directions."""
 
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
-import yaml
 
 from bristle.data.experiment.draft import DraftedRun, Told, draft_experiment
 from bristle.data.experiment.load import experiment_of, read_runs
 from bristle.data.experiment.schema import RunKind
-from bristle.data.experiment.yaml_file import parse, read_text
+from bristle.data.experiment.yaml_file import parse
 from bristle.data.robot.draft import OF_ROBOTS, draft_robot
 from bristle.data.robot.motion import largest_gravity
 from bristle.data.robot.robot_file import robot_of
@@ -73,7 +71,8 @@ def draft_of_logs(
         found = [(run.record.file, stretches(run.record, unsorted.joint.kind)) for run in read]
         kinds = kinds_of(found)
         runs = [DraftedRun(kind, f"{does}", hold) for kind, (_, does), hold in zip(kinds, found, kept, strict=True)]
-        said.append(f"experiment: {_counted(kinds)}, by what the signals do")
+        counted = ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
+        said.append(f"experiment: {counted}, by what the signals do")
         said += [
             f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
             for file, kind, (_, does) in zip(draft.files, kinds, found, strict=True)
@@ -82,34 +81,6 @@ def draft_of_logs(
     tell("regressors and directions")
     fit, why = _fit(draft.text(runs), path, told.directions)
     return draft.text(runs, fit), tuple(sentence for sentence in (*said, why) if sentence)
-
-
-def completed(path: Path) -> tuple[str, str]:
-    """The text of an experiment file with the kind of its runs and the `fit` line that it lacks, and a sentence on them.
-
-    Runs without `experiment` get one kind, by what the signals of most of them do; the file is then written anew.
-    """
-    text, said = read_text(path), ""
-    data = parse(text, str(path))
-    runs, signals = data.get("runs"), data.get("signals")
-    lacking = [x for x in (runs if isinstance(runs, list) else ()) if isinstance(x, dict) and "experiment" not in x]
-    if lacking:
-        kind: RunKind = "points"
-        if isinstance(signals, dict) and "time" in signals:
-            given = {**data, "runs": [{**run, "experiment": _ANY} for run in lacking]}
-            experiment = experiment_of(yaml.safe_dump(given), path)
-            read = read_runs(experiment)
-            found = kinds_of([(run.record.file, stretches(run.record, experiment.joint.kind)) for run in read])
-            kind = Counter(found).most_common(1)[0][0]
-        for run in lacking:
-            run["experiment"] = kind
-        text, said = yaml.safe_dump(data, sort_keys=False), f"experiment: {kind}, by what the signals do; "
-    line, why = ("", "") if "fit" in data else _fit(text, path)
-    return (f"{text.rstrip()}\n\n{line}\n", f"{said}{why}") if line else (text, f"{said}nothing added under fit")
-
-
-def _counted(kinds: Sequence[str]) -> str:
-    return ", ".join(f"{kinds.count(kind)} {kind}" for kind in dict.fromkeys(kinds))
 
 
 def _fit(text: str, path: Path, directions: str | None = None) -> tuple[str, str]:

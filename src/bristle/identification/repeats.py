@@ -29,13 +29,10 @@ def scatter_of(
         return None
     chi2 = float(weights @ (x - weights @ x / weights.sum()) ** 2) / (count - 1)
     ratio, factor, stretched = float(np.sqrt(chi2)), 1.0, 1.0
-    significant = chi2 > 1 and float(fdtrc(count - 1, freedoms.sum(), chi2)) < SIGNIFICANCE
-    if significant:
+    if chi2 > 1 and float(fdtrc(count - 1, freedoms.sum(), chi2)) < SIGNIFICANCE:
         factor = ratio * float(weights.sum()) ** -0.5 / error
         factor, stretched = max(factor, 1.0), max(factor * _fewer(count - 1, freedom), 1.0)
-    return RunScatter(
-        before=ratio, after=1.0 if significant else ratio, widened=factor, stretched=stretched, by_run=dict(by_run)
-    )
+    return RunScatter(before=ratio, widened=factor, stretched=stretched, by_run=dict(by_run))
 
 
 def clustered(
@@ -80,7 +77,7 @@ def clustered(
         more = ratio > 1 and (apart or float(fdtrc(count - 1, own, ratio**2)) < SIGNIFICANCE)
         values = e.value * np.exp((count - 1) * move) if as_logarithm else e.value + (count - 1) * move
         found[name] = RunScatter(
-            before=ratio, after=1.0 if more else ratio, widened=ratio if more else 1.0,
+            before=ratio, widened=ratio if more else 1.0,
             stretched=max(ratio * _fewer(count - 1, own), 1.0) if more else 1.0,
             by_run=dict(zip(parts, values.tolist(), strict=True)),
         )  # fmt: skip  # a list of values

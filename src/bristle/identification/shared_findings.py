@@ -9,7 +9,7 @@ from scipy.special import fdtrc
 from bristle.arrays import Array
 from bristle.estimation.levels import RARE
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
-from bristle.identification.fits import Crosscheck, Estimate
+from bristle.identification.fits import Crosscheck
 from bristle.model.parameters import SIGNED, Lugre, ParameterName
 
 _LEAST = 0.01  # of alpha_0: smaller offsets are not reported
@@ -90,17 +90,9 @@ def crosschecked(
         message = f"The full nonlinear fit did not reach as low a cost ({full:.6g} against {cost:.6g}), so it confirms nothing. {many}"
         verdict = Finding("full-fit-higher", NOTE, message, numbers)
     return Crosscheck(
-        cost_grid=cost, cost_full=full, starts=starts, reached=reached, difference_in_se=apart, verdict=verdict, agrees=agrees,
         parameters={name: x for name, x in found.items() if name in errors},
+        difference_in_se=apart, verdict=verdict, agrees=agrees,
     )  # fmt: skip  # a list of values
-
-
-def offset_of_levels(plus: Estimate, minus: Estimate) -> tuple[float, float] | None:
-    """Offset of the torque if alpha_0 were the same in both directions, and that alpha_0, N*m; None within two standard errors of zero."""
-    if plus.value is None or minus.value is None:
-        return None
-    apart, error = plus.value - minus.value, np.hypot(plus.standard_error or 0.0, minus.standard_error or 0.0)
-    return None if abs(apart) < 2 * error else (apart / 2, (plus.value + minus.value) / 2)
 
 
 def offset_or_friction(

@@ -36,10 +36,7 @@ _BY_WEIGHT = (
     "other-law friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
     "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed delay-or-presliding "
     "friction-by-load clipped lost-samples position-jumps "
-    "position-held sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start "
-    "rows-not-finite rows-backward rows-repeated rows-of-short-segments gaps count-bias "
-    "few-counts within-noise sigma-0-at-least count-rounded count-bias-unknown whole-degrees runs-scatter outlier "
-    "stage-differs inertia-doubted unseen "
+    "position-held sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start"
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}
 """Order of findings without a known effect; others follow as they arose."""

@@ -1,1 +1,1 @@
-"""The virtual bench, the paper's joints, and a joint in its loop."""
+"""The virtual bench, the paper's joints, a joint in its loop, and what measurements yet to come keep within and tell."""

@@ -15,16 +15,17 @@ from bristle.data.experiment.schema import AdaptOptions
 from bristle.errors import InputError
 from bristle.estimation.levels import FASTER
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.known_joint import DEFLECTION, draws_of, inertia_of, rises_of, truth_of, whole, without_load
+from bristle.identification.known_joint import DEFLECTION, inertia_of, rises_of, whole, without_load
 from bristle.identification.moving_runs import load_columns, terms_of
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.law import DAMPING_RATIO
-from bristle.model.parameters import SIGNED, Lugre, Motor, Pair, ParameterName, unit
+from bristle.model.parameters import SIGNED, Direction, Lugre, Motor, Pair, ParameterName, unit
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.rollout import load_level
 from bristle.model.vectorize import evaluate
 from bristle.simulation import edro
+from bristle.simulation.drawn_joints import draws_of
 from bristle.simulation.references import Sine
 
 _FREQUENCY = 0.5  # of the default reference, Hz
@@ -228,6 +229,13 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
         told = Finding("load-of-reference", CAUTION, message, numbers)
         loop = replace(loop, assumptions=(told, *loop.assumptions))
     return replace(loop, compensator=replace(compensator, observer_gain=loop.observer_gain))
+
+
+def truth_of(joint: Joint) -> Pair[float] | None:
+    """The true sets of simulated data, if complete."""
+    sets = [joint.truth.get(d) or joint.truth.get(Direction.BOTH) for d in SIGNED]
+    known = [p for p in sets if p is not None and np.isfinite(p).all()]
+    return Pair(*known) if len(known) == len(sets) else None
 
 
 def bristle_filled(name: ParameterName, value: float, kind: JointKind, how: str) -> Finding:

@@ -41,10 +41,8 @@ from bristle.identification.robot.links import (
 from bristle.progress import Progress
 from bristle.workers import Share
 
-_BEYOND, _FEW = (
-    0.01,
-    0.0005,
-)  # rad or m, or share of a speed, beyond a limit that are reported; share of samples that are not
+_BEYOND = 0.01  # rad or m, or share of a speed, beyond a limit that are reported
+_FEW = 0.0005  # share of samples beyond a limit that are not reported
 _PEAK, _NO_DRIVE = 1.5, 5.0  # of the URDF's effort: a peak, and more than any drive has
 _LEAST = 0.05  # of a joint's torque: smaller link torques are not reported
 _SAMPLES = 500  # for the mean inertia of the links

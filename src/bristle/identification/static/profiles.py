@@ -13,7 +13,7 @@ from bristle.arrays import Array
 from bristle.estimation.conditional_profile import ConditionalProfiles, Face, Looks
 from bristle.estimation.profile_likelihood import interval_on_grid, profile_threshold
 from bristle.identification.fits import Profile
-from bristle.identification.static.grid import PLAIN_GRID, Projected, Solution, solve, subsets
+from bristle.identification.static.grid import Projected, Solution, solve, subsets
 from bristle.identification.static.problem import Regression
 from bristle.model.parameters import Direction, ParameterName
 
@@ -93,17 +93,13 @@ def profiled(
     return StaticProfiles(intervals | v_s, threshold, problem, linear)
 
 
-def drawn_profiles(
-    problem: Regression, solution: Solution, v_s_range: tuple[float, float], threshold: float
-) -> dict[Direction, Profile]:
+def drawn_profiles(problem: Regression, solution: Solution, threshold: float) -> dict[Direction, Profile]:
     """The profile over v_s of each peak, for figures."""
     profiles = {}
     projected = Projected(problem)
     for k, direction in enumerate(problem.peaks):
         best = float(solution.theta[k - len(problem.peaks)])
         costs = partial(projected.profile, peak=k, others=others(solution, len(problem.peaks), k))
-        plain = len(problem.peaks) == 1 and problem.smooth is None
-        plain_v_s = np.linspace(*v_s_range, PLAIN_GRID) if plain else solution.grid
         # even in log(v_s), below ten times the threshold
         grid, low = solution.grid, solution.profiles[k] <= solution.cost + 10 * (threshold - solution.cost)
         near = np.append(np.flatnonzero(low), np.searchsorted(grid, best))
@@ -111,8 +107,7 @@ def drawn_profiles(
         around = np.sort(np.append(np.geomspace(min(grid[first], best), max(grid[last], best), _NEAR), best))
         profiles[direction] = Profile(
             v_s=solution.grid, cost=solution.profiles[k], near_v_s=around, near_cost=costs(around),
-            plain_v_s=plain_v_s, plain_cost=costs(plain_v_s) if plain else solution.profiles[k], best=best,
-            best_cost=solution.cost, threshold=threshold,
+            best=best, best_cost=solution.cost, threshold=threshold,
         )  # fmt: skip  # a list of values
     return profiles
 

@@ -87,7 +87,7 @@ def solve_static(
     alone = free.sum() + more.shape[1] * (len(problem.directions) == 1)  # of two directions the shape is of neither
     covariance = with_more[:alone, :alone]
     full, _ = uncertainty.covariance(np.concatenate([jacobian, more], axis=1), solution.cost, variance_inflation)
-    profiles = drawn_profiles(problem, solution, v_s_range, likelihood.threshold)
+    profiles = drawn_profiles(problem, solution, likelihood.threshold)
     beside = _beside(problem, of_shape, np.sqrt(np.diag(with_more)[free.sum() :]), solution, kind)
     doubted = {
         d for d, reason in dropped.items() if {reason.code, getattr(reason.numbers.get("why"), "code", None)} & _THERE

@@ -10,12 +10,12 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.known_joint import SEED
 from bristle.page.page import Drawing, begun
 from bristle.page.report import Report, Section, Table
 from bristle.page.wording import in_print, number, symbol
 from bristle.questions.compensation import experiments, figures
 from bristle.questions.compensation.study import WORSE, Study, adverse, outcomes_of, thousandths
+from bristle.simulation.drawn_joints import SEED
 from bristle.workers import Share
 
 _MOST_REPLAYS = 6  # replays drawn; the table has all

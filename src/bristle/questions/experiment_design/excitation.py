@@ -6,12 +6,12 @@ import numpy as np
 
 from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
-from bristle.identification.fisher import covariance, gram, of_estimated, values_of
-from bristle.identification.limits import SAMPLES, Limits
 from bristle.model.parameters import Lugre, Pair, fields_of
 from bristle.model.rollout import rollout_into
 from bristle.progress import Progress, teller
 from bristle.questions.experiment_design.start import Start
+from bristle.simulation.fisher import covariance, gram, of_estimated, values_of
+from bristle.simulation.limits import SAMPLES, Limits
 from bristle.simulation.references import Multisine
 
 LINES = 6  # sines of a motion

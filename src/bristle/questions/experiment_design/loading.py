@@ -9,14 +9,14 @@ from collections.abc import Sequence
 import numpy as np
 
 from bristle.arrays import Array, result
-from bristle.identification.fisher import covariance
-from bristle.identification.limits import Limits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model import functions
 from bristle.model.parameters import Direction, Lugre
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.start import Start, inverse
+from bristle.simulation.fisher import covariance
+from bristle.simulation.limits import Limits
 
 PEAKS = np.linspace(0.1, 0.8, 36)  # over g0 = alpha_0 + alpha_1; near 1 noise of the torque moves the joint far
 RISES = np.array([5.0, 8.0, 14.0, 25.0, 40.0])  # times to the peak, s

@@ -9,8 +9,6 @@ import numpy as np
 from bristle.arrays import Array, result
 from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding, in_direction
-from bristle.identification.fisher import covariance, static_information
-from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -25,6 +23,8 @@ from bristle.questions.experiment_design.loading import LoadingDesign, plan_load
 from bristle.questions.experiment_design.references import PlannedRun, duration, in_turn, schedule
 from bristle.questions.experiment_design.start import Start, embedded, start_of
 from bristle.questions.experiment_design.velocities import VelocityPlan, largest_deflection, plan_velocities
+from bristle.simulation.fisher import covariance, static_information
+from bristle.simulation.limits import Limits, limits_of
 
 if TYPE_CHECKING:
     import pandas as pd

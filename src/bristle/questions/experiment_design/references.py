@@ -13,10 +13,10 @@ import numpy as np
 from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
 from bristle.errors import InputError
-from bristle.identification.limits import Limits
 from bristle.model.parameters import Direction
 from bristle.questions.experiment_design.excitation import MotionDesign, course
 from bristle.questions.experiment_design.loading import CYCLES, LoadingDesign
+from bristle.simulation.limits import Limits
 from bristle.simulation.references import FASTEST, HARDEST, STEEPEST, Hold, Move, SlowLoads
 
 SETTLE = 0.6  # least run-in before a hold is averaged, s

@@ -20,13 +20,13 @@ from bristle.identification.known_joint import (
     known_joint,
     without_load,
 )
-from bristle.identification.limits import Limits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model import parameters
 from bristle.model.law import DAMPING_RATIO, viscous_rates
 from bristle.model.laws.parts import FASTEST, Law
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, Pair, ParameterName, unit
+from bristle.simulation.limits import Limits
 
 # Guesses over alpha_0: Stribeck amplitude, viscous friction at the fastest speed, noise of a hold's mean torque.
 _PEAK, _VISCOUS, _TORQUE = 0.1, 0.1, 0.02

@@ -16,14 +16,14 @@ from scipy.special import ndtri
 
 from bristle.arrays import Array, result
 from bristle.errors import InputError
-from bristle.identification.fisher import covariance, static_information
-from bristle.identification.limits import Limits
 from bristle.model import functions
 from bristle.model.parameters import Direction, Lugre, ParameterName, Stribeck, static_estimated_of
 from bristle.model.vectorize import evaluate
 from bristle.questions.experiment_design.loading import seen_covariance
 from bristle.questions.experiment_design.references import fastest
 from bristle.questions.experiment_design.start import Start, inverse
+from bristle.simulation.fisher import covariance, static_information
+from bristle.simulation.limits import Limits
 
 CANDIDATES = 200  # speeds of the exchange, evenly spaced in log(v)
 NODES = 5  # values of v_s of equal probability

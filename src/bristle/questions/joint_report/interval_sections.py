@@ -52,7 +52,7 @@ def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
 
     scattered = [
         (
-            FITS.get(kind, kind), str(ParameterName(name, Direction(d))), number(x.before, 3), number(x.after, 3), f"{x.widened:.3g}",
+            FITS.get(kind, kind), str(ParameterName(name, Direction(d))), number(x.before, 3), f"{x.widened:.3g}",
             ", ".join(number(value) for value in x.by_run.values()),
         )
         for kind, d, name, x in scatter(joint)
@@ -63,7 +63,7 @@ def intervals(joint: Joint, figures: Mapping[str, Drawing]) -> list[Section]:
             "where chance alone tells them apart. Where that is significant at 1 %, standard errors and intervals are "
             "widened by it."
         )
-        frame = pd.DataFrame(scattered, columns=["fit", "parameter", "before", "after", "error times", "each run"])
+        frame = pd.DataFrame(scattered, columns=["fit", "parameter", "scatter", "error times", "each run"])
         table = Table("repeats", "Scatter over the runs", part=frame)
         sections.append(Section("Each run fitted apart", text=how, table=table, form="folded"))
 

@@ -28,7 +28,7 @@ from bristle.questions.joint_report import tables
 from bristle.questions.joint_report.sentences import agreement
 
 _HEADINGS = {
-    "name": "", "bic": "ΔBIC", "left_out": "left out (%)", "in_force": "fitted?", "chosen": "use it?",
+    "name": "", "bic": "ΔBIC", "left_out": "left out (%)", "chosen": "use it?",
 }  # fmt: skip  # a table of words
 """Of the tables of laws and models."""
 
@@ -140,12 +140,10 @@ def _crosscheck(joint: Joint) -> Iterator[Section]:
     if checks:
         yield Section("Full nonlinear fit", form="part")
     for d, check in checks.items():
-        costs = f"Cost {number(check.cost_grid, 5)}, that of the full fit {number(check.cost_full, 5)}"
-        text = f"{costs}; {check.reached} of {check.starts} starts reached the lowest."
         own = frame[frame["direction"].map(direction) == d].drop(columns="direction")
         table = Table("crosscheck", "Grid and full fit", part=own)
         title = f"{d}: {in_print(check.verdict)}"
-        yield Section(title, text=text, table=table, form="folded" if check.agrees else "unfolded")
+        yield Section(title, table=table, form="folded" if check.agrees else "unfolded")
 
 
 def _laws(joint: Joint) -> Iterator[Section]:
@@ -166,7 +164,7 @@ def _laws(joint: Joint) -> Iterator[Section]:
 
 def _compared(name: str, frame: pd.DataFrame, joint: Joint, how: str) -> Table:
     """Models or laws side by side."""
-    part = frame.drop(columns=["data", *(["candidate"] if name == "laws" else ["candidate", "in_force"])])
+    part = frame.drop(columns=["data", "candidate", *(["left_out"] if name == "models" else [])])
     columns = {**_HEADINGS, "name": name.removesuffix("s"), "rms": f"rms ({pretty(unit('torque', joint.kind))})"}
     return Table(name, name.capitalize(), part=part.rename(columns=columns), note=how)
 
@@ -174,9 +172,9 @@ def _compared(name: str, frame: pd.DataFrame, joint: Joint, how: str) -> Table:
 def _models(joint: Joint) -> Iterator[Section]:
     how = (
         "All on the same data, with the directions and regressors of the fit. ΔBIC: difference to the lowest; it weighs "
-        "the residuals of the independent samples against the number of parameters, and lower is better. Left out: each "
-        "point predicted from all others. Stribeck curve: Coulomb, viscous and Stribeck friction, (9), which LuGre is at "
-        "constant velocity. Recommended: the lowest BIC among the models whose terms the fits above support."
+        "the residuals of the independent samples against the number of parameters, and lower is better. Stribeck curve: "
+        "Coulomb, viscous and Stribeck friction, (9), which LuGre is at constant velocity. Recommended: the lowest BIC "
+        "among the models whose terms the fits above support."
     )
     if joint.models:
         yield Section("Which friction model?", form="part")

@@ -141,7 +141,7 @@ def points(joint: Joint) -> _Rows:
         yield from ((d, *row) for row in np.column_stack(known).tolist())
 
 
-_SIDE_BY_SIDE = "data name parameters rms# relative_error# bic# left_out# in_force? candidate? chosen?"
+_SIDE_BY_SIDE = "data name parameters rms# relative_error# bic# left_out# candidate? chosen?"
 
 
 def _compared(comparisons: Sequence[Comparison]) -> _Rows:
@@ -151,13 +151,13 @@ def _compared(comparisons: Sequence[Comparison]) -> _Rows:
 
 @_table(_SIDE_BY_SIDE)
 def models(joint: Joint) -> _Rows:
-    """One row per joint, data and model: parameters, rms, relative error, BIC above the lowest, error at what was left out, which to use."""
+    """One row per joint, data and model: parameters, rms, relative error, BIC above the lowest, which to use."""
     yield from _compared(joint.models)
 
 
 @_table(_SIDE_BY_SIDE)
 def laws(joint: Joint) -> _Rows:
-    """The same of friction laws, and which one the fits have."""
+    """The same of friction laws, with the error at speeds left out."""
     yield from _compared([joint.laws] if joint.laws else [])
 
 
@@ -275,14 +275,14 @@ def uncertainty(joint: Joint) -> _Rows:
         yield x.fit, x.direction, x.parameter, x.estimate.value, x.estimate.unit, *ends, warnings
 
 
-@_table("fit direction parameter file value# before# after# widened#")
+@_table("fit direction parameter file value# before# widened#")
 def repeats(joint: Joint) -> _Rows:
     """One row per fit, parameter and run that was fitted apart: its estimate, and the scatter of all of them.
 
-    `before` and `after` are sqrt(chi2_red) before and after widening, `widened` what the standard error is multiplied by.
+    `before` is sqrt(chi2_red) before widening, `widened` what the standard error is multiplied by.
     """
     for *of, x in scatter(joint):
-        yield from ((*of, file, value, x.before, x.after, x.widened) for file, value in x.by_run.items())
+        yield from ((*of, file, value, x.before, x.widened) for file, value in x.by_run.items())
 
 
 def scatter(joint: Joint) -> Iterator[tuple[str, str, str, RunScatter]]:

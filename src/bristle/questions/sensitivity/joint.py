@@ -9,13 +9,13 @@ from bristle.errors import InputError
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.identification.known_joint import DEFLECTION, guessed_inertia, inertia_of, known_joint, without_load
-from bristle.identification.limits import Limits, limits_of
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Direction, Kind, Lugre, Pair, ParameterName, of_friction, unit
 from bristle.questions.sensitivity.local import SineMotion, motion
 from bristle.simulation import edro, joint_loop
+from bristle.simulation.limits import Limits, limits_of
 
 RANGE = (1e-6, 1e4)  # of amplitude over measured travel, and of peak speed over the fastest measured one
 

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from bristle.arrays import Array, result
 from bristle.control.compensator import Reference
 from bristle.errors import InputError
-from bristle.identification.fisher import cleared, of_estimated, values_of
 from bristle.model import functions
 from bristle.model.parameters import Lugre, Pair, estimated_of, fields_of
 from bristle.model.rollout import rollout_jacobian
 from bristle.model.vectorize import evaluate
+from bristle.simulation.fisher import cleared, of_estimated, values_of
 from bristle.simulation.references import Sine
 
 CLAIMED = frozenset({"alpha_0", "alpha_2"})  # the parameters that matter most by section 3.3 of the paper

@@ -5,7 +5,6 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from bristle.identification.fisher import names_of, values_of
 from bristle.model.parameters import effort, in_direction, unit
 from bristle.page.page import Drawing
 from bristle.page.report import Report, Section, Table
@@ -14,6 +13,7 @@ from bristle.questions.sensitivity import figures
 from bristle.questions.sensitivity.local import CLAIMED, ranked
 from bristle.questions.sensitivity.sobol import Global
 from bristle.questions.sensitivity.study import Expected, SensitivityStudy, findings, sobol_sentences
+from bristle.simulation.fisher import names_of, values_of
 
 
 def report(study: SensitivityStudy) -> Report:

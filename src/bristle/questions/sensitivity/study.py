@@ -13,7 +13,6 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.fisher import Information, gram, motion_jacobian, names_of, static_information, values_of
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, Lugre, ParameterName, effort, peak_parameters, static_estimated_of, unit
@@ -23,6 +22,7 @@ from bristle.questions.sensitivity.formulas import Formulas, formulas
 from bristle.questions.sensitivity.joint import KnownFriction, Request
 from bristle.questions.sensitivity.local import Local, Map, SineMotion, claimed, grid, local, ranked, sensitivity_map
 from bristle.questions.sensitivity.sobol import LEAST, Box, Global, box_of, global_sensitivity
+from bristle.simulation.fisher import Information, gram, motion_jacobian, names_of, static_information, values_of
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -54,10 +54,8 @@ def limits_of(measured: Measured) -> tuple[Limits, tuple[Finding, ...]]:
         if declared is not None:
             return declared
         told = f"{seen[0]:.3g} to {seen[1]:.3g}" if isinstance(seen, tuple) else f"{seen:.3g}"
-        message, numbers = (
-            f"{what}: {told} {of}, {how}; set plan.{key} to override.",
-            {"limit": key, "value": seen, "unit": of},
-        )
+        message = f"{what}: {told} {of}, {how}; set plan.{key} to override."
+        numbers = {"limit": key, "value": seen, "unit": of}
         guess, known = (
             Finding("limit-guessed", CAUTION, message, numbers),
             Finding("limit-measured", NOTE, message, numbers),
