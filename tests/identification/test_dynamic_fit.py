@@ -81,24 +81,17 @@ def test_the_jacobian_is_that_of_differences(p: Lugre[float] | Pair[float], deci
 
 
 @SETS
-def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float]) -> None:
     """From a start that is off by a quarter, noise-free data give every parameter back."""
     values, minimum = fit(posed(record(p), sides(p)), shifted(by_name(p)) | {Z0: 0.0})
     assert minimum.cost < 1e-16
     for name, true in by_name(p).items():
         assert values[name] == pytest.approx(true, rel=1e-4)
-    # a fit that begins on every eighth sample ends where one that does not ends, to 1e-2 standard errors; where those show nothing, too
+    # with noise it ends where SciPy's trust region does
     problem = posed(record(p, noise=3e-4), sides(p))
     start = shifted(by_name(p), 1.5) | {Z0: 0.0}
-    plain, minimum = fit(problem, start)
-    monkeypatch.setattr(descent, "_LARGE", 1)
-    thinned, other = fit(problem, start)
-    assert other.steps < minimum.steps
-    assert other.cost == pytest.approx(minimum.cost, rel=1e-9)
+    _, minimum = fit(problem, start)
     variances = np.diag(np.linalg.inv(minimum.jacobian.T @ minimum.jacobian)) * minimum.cost / minimum.residuals.size
-    assert (np.abs(other.x - minimum.x) < 1e-2 * np.sqrt(variances)).all()
-    assert thinned.keys() == plain.keys()
-    # SciPy's trust region ends there, too
     of = descent.least_squares(problem, start)
     x, box = of.unknowns.scaled(start), (of.unknowns.lower, of.unknowns.upper)
     both = [lambda x, k=k: of.evaluate(x)[k] for k in (0, 1)]
@@ -201,12 +194,6 @@ def test_what_is_unseen_scarce_or_fixed(monkeypatch: pytest.MonkeyPatch) -> None
     values, minimum = fit(problem, shifted(TRUTH, 1.1) | {Z0: 0.0, later: 0.0})
     assert minimum.cost < 1e-16
     assert [values[Z0], values[later]] == pytest.approx([2e-3, -1e-3], rel=1e-4)
-    # where every eighth sample is at rest, the fit ends where it would have, had it not looked at those alone
-    problem = posed(record(noise=3e-4, v=np.where(np.arange(V.size) % 8 == 0, 0.0, V)))
-    start = shifted(TRUTH, 1.1) | {Z0: 0.0, INERTIA: 0.0}
-    plain, _ = fit(problem, start)
-    monkeypatch.setattr(descent, "_LARGE", 1)
-    assert fit(problem, start)[0] == pytest.approx(plain, rel=1e-6)
 
 
 def test_a_stiff_bristle_converges() -> None:
@@ -327,7 +314,7 @@ def test_what_is_left_in_a_few_moments_is_named() -> None:
     fast = int(np.argmax(np.abs(V)))
     (said,) = pattern_left(problem, even[0] + 100.0 * (np.abs(np.arange(V.size) - fast) < 5))
     assert said.code == "bursts"
-    (where,) = said.numbers["where"]
+    where = said.numbers["where"]
     assert float(where.split()[-2]) == pytest.approx(problem.time[fast], abs=0.01)
     assert pattern_left(problem, np.zeros(V.size)) == []
     # a run at rest shows no parameter; it is refused in one sentence
@@ -432,8 +419,8 @@ def test_a_peak_of_which_there_is_no_sign_hides_no_bristle(v_s: float) -> None:
 PLANTED: list[tuple[dict[str, float], dict[str, object]]] = [
     ({"every": 10}, {}), ({"every": 10, "drag": 0.05}, {"lacks-a-term": "regressors: [inertia, quadratic]"}),
     ({"every": 10, "gravity": 0.01}, {"lacks-a-term": "regressors: [inertia, gravity]"}), ({"noise": 2e-4}, {}),
-    ({"noise": 2e-4, "drift": 0.1}, {"torque-drifts-in-runs": ("grows", pytest.approx(0.1, rel=0.1))}),
-    ({"noise": 2e-4, "drift": -0.3}, {"torque-drifts-in-runs": ("falls", pytest.approx(0.3, rel=0.1))}),
+    ({"noise": 2e-4, "drift": 0.1}, {"friction-drifts": pytest.approx(0.1 * GRIPPER.alpha_0, rel=0.5)}),
+    ({"noise": 2e-4, "drift": -0.3}, {"friction-drifts": pytest.approx(-0.3 * GRIPPER.alpha_0, rel=0.5)}),
     ({"noise": 2e-4, "inertia": -3.0}, {"inertia-below-zero": Severity.CRITICAL}), ({"known gravity": 0.05}, {}),
     ({"known gravity": 0.05, "load": 0.2}, {"friction-by-load": (True, pytest.approx(0.2, rel=0.2))}),
     ({"pair": 1.0, "every": 10}, {}),
@@ -443,7 +430,7 @@ PLANTED: list[tuple[dict[str, float], dict[str, object]]] = [
 """What a torque has that its fit does not, N*m or a share, with its noise and its decimation, and what is said of it."""
 SIZES: dict[str, Callable[[Finding], object]] = {
     "lacks-a-term": lambda d: next(x for x in re.findall(r"regressors: \[inertia, \w+\]", str(d))),
-    "torque-drifts-in-runs": lambda d: (d.numbers["how"], d.numbers["by"]),
+    "friction-drifts": lambda d: d.numbers["change"],
     "inertia-below-zero": lambda d: d.severity,
     "friction-by-load": lambda d: ("law: gaussian+link-load" in str(d), d.numbers["by"]),
     "offset-or-friction": lambda d: d.numbers["offset"],

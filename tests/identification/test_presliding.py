@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scipy.integrate import quad
 from scipy.optimize import minimize_scalar
 
 import bristle
@@ -22,7 +21,7 @@ from bristle.identification.dynamic.priors import _stiffness
 from bristle.identification.fits import Presliding, PreslidingFit, StaticFit, Uncertainty
 from bristle.identification.presliding.fit import fit_presliding, identify_presliding
 from bristle.identification.presliding.softening import softening
-from bristle.identification.presliding.stiffness import REACH, KnownValue, by_edges, of_loading, printed_bias, stiffness
+from bristle.identification.presliding.stiffness import REACH, KnownValue, by_edges, of_loading, stiffness
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
 from bristle.identification.results import Joint
 from bristle.model import law
@@ -59,11 +58,10 @@ def test_edges_are_exact_wherever_the_joint_rests(phase: float, bits: int) -> No
 
 
 def test_slow_loading_tells_sigma_0_with_its_errors() -> None:
-    """Where rest lies on a count edge (14) errs by the bias that the closed form predicts."""
+    """Where rest lies on a count edge (14) is T / x of the curve there, 17 % low at 12 bits."""
     quantum = 2 * np.pi / 2**12
     fit = found(run(quantum, 0.0), quantum)
-    assert value_of(fit.printed) / GRIPPER.sigma_0 - 1 == pytest.approx(fit.bias_on_edge, abs=0.005)
-    assert fit.bias_on_edge == pytest.approx(-0.17, abs=0.003)
+    assert value_of(fit.printed) / GRIPPER.sigma_0 - 1 == pytest.approx(-0.17, abs=0.005)
     # where no two count edges are crossed there is no value: a lower bound that the truth keeps, an open interval, and the sentence
     quantum = 4 * float(np.ptp(np.asarray(run(0.0, 0.0).position)))
     fit = found(run(quantum, 0.5), quantum)
@@ -103,31 +101,18 @@ def test_slow_loading_tells_sigma_0_with_its_errors() -> None:
     assert result.fits["+"].level_source.code in {"of-breakaway", "of-one-breakaway"}
 
 
-@pytest.mark.parametrize("u", [1e-6, 1e-3, 0.1, 0.38, 2.0])
-def test_the_bias_over_rest_positions_is_its_integral(u: float) -> None:
-    """Mean and spread of (14) over a uniform rest position are the integrals of T(x) / q over x from 0 to q."""
-    on_edge, mean, spread = (float(x[0]) for x in printed_bias(np.array([u])))
-
-    def printed(x: float) -> float:
-        return float(-np.expm1(-u * x) / u)
-
-    first, second = quad(printed, 0, 1)[0], quad(lambda x: printed(x) ** 2, 0, 1)[0]
-    assert on_edge + 1 == pytest.approx(printed(1.0), rel=1e-6)
-    assert mean + 1 == pytest.approx(first, rel=1e-6)
-    assert spread == pytest.approx(np.sqrt(second - first**2), rel=1e-3)
-
-
 @pytest.mark.slow
 def test_over_rest_positions_edges_are_unbiased() -> None:
-    """Over random rest positions with noise, the mean lies within 2 % of the truth, (14) is off as predicted, and intervals hold the truth."""
+    """Over random rest positions with noise, the mean lies within 2 % of the truth, (14) gives about half of it, and intervals hold the truth."""
     for bits in (12, 14, 16):
         quantum, rng = 2 * np.pi / 2**bits, np.random.default_rng(bits)
         fits = [found(run(quantum, rng.uniform(), 0.02 * GRIPPER.alpha_0, seed), quantum) for seed in range(60)]
         assert np.mean([value_of(fit.sigma_0) for fit in fits]) == pytest.approx(GRIPPER.sigma_0, rel=0.02)
         assert np.mean([holds(fit.sigma_0.interval, GRIPPER.sigma_0) for fit in fits]) >= 0.85
         printed = np.array([fit.printed.value for fit in fits], dtype=float) / GRIPPER.sigma_0 - 1
-        _, mean, spread = (float(x[0]) for x in printed_bias(np.array([GRIPPER.sigma_0 * quantum / G0])))
-        assert printed.mean() == pytest.approx(mean, abs=4 * spread / np.sqrt(60) + 0.05)
+        u = GRIPPER.sigma_0 * quantum / G0
+        bias = np.mean(-np.expm1(-u * np.linspace(0, 1, 1001)) / u) - 1  # over rest positions
+        assert printed.mean() == pytest.approx(bias, abs=0.2)
 
 
 @pytest.mark.parametrize(

@@ -141,7 +141,6 @@ def slow_fit(direction: str) -> PreslidingFit:
         degrees_of_freedom=40.0, level=p.alpha_0 + p.alpha_1, level_standard_error=2e-4,
         level_source=Finding("of-static-fit", NOTE, "the static fit"),
         quantum=QUANTUM, counts=60,
-        bias_on_edge=-0.024, bias_mean=-0.51, bias_spread=0.28,
         loadings=tuple(loading(direction, phase, f"slow_{k}.csv") for k, phase in enumerate((0.1, 0.45, 0.8))),
         warnings=(FEW,) if direction == "+" else (),
     )  # fmt: skip  # as above
@@ -183,7 +182,6 @@ def nothing_seen(direction: str = "+") -> PreslidingFit:
     return replace(
         slow_fit(direction), printed=bound, sigma_0=bound,
         sigma_1=Estimate(value=None, unit="N*m*s/rad", warnings=(no_damping,)), quantum=0.0, counts=0, warnings=(),
-        bias_on_edge=np.nan, bias_mean=np.nan, bias_spread=np.nan,
     )  # fmt: skip  # a list of changes
 
 

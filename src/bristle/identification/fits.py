@@ -215,12 +215,6 @@ class PreslidingFit:
     """One count, rad; 0 where no counts are seen."""
     counts: int
     """Count edges crossed in all loadings."""
-    bias_on_edge: Number
-    """Relative bias of (14) where rest lies on a count edge; these three are nan without counts or sigma_0."""
-    bias_mean: Number
-    """Mean bias over rest positions within a count."""
-    bias_spread: Number
-    """Its standard deviation."""
     loadings: tuple[Loading, ...] = field(default=(), metadata=UNWRITTEN)
     warnings: tuple[Finding, ...] = ()
     uncertainty: Mapping[str, Uncertainty] = field(default_factory=dict)

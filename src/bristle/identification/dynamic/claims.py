@@ -10,10 +10,9 @@ from itertools import groupby, pairwise
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import fdtrc, stdtrit
+from scipy.special import fdtrc
 
 from bristle.estimation.levels import NO_SIGN, RARE, SIGNIFICANCE
-from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import moved_by, scores
 from bristle.findings import NOTE, Finding, unit_of
@@ -24,7 +23,6 @@ from bristle.model.parameters import Direction, ParameterName, peak_parameters
 
 WIDE = 0.5  # a relative standard error beyond which a parameter is called not identifiable from the motion
 _SAMPLES = 5  # in which a motion has to pass the bristle's deflection
-_NOTHING = 1e-8  # share of its column that a half must have, to say anything of a parameter
 _SPEEDS = 8  # values of v_s at which a left-out term is looked for, ...
 _SLOWEST = 1e-2  # ... from this share of the fastest speed on
 BRISTLE = ("sigma_0", "sigma_1")
@@ -47,14 +45,12 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
         held = float(C[a, a] - (C[a, b] ** 2 / C[b, b] if C[b, b] > 0 else 0.0))
         p = float(fdtrc(2, solution.freedom, solution.values[alpha_1] ** 2 / (2 * held))) if held > 0 else 1.0
         if not p < SIGNIFICANCE:
-            message = "Not identifiable from this motion: no sign of a Stribeck peak."
-            doubts[alpha_1] = Finding("unseen-no-peak", NOTE, message)
-            if p < NO_SIGN:
-                message = (
-                    "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
-                    f"{100 * p:.0f} % of cases."
-                )
-                doubts[alpha_1] = Finding("unseen-peak", NOTE, message, {"percent": 100 * p})
+            message = (
+                "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
+                f"{100 * p:.0f} % of cases."
+            )
+            no_sign = Finding("unseen-no-peak", NOTE, message, {"percent": 100 * p})
+            doubts[alpha_1] = Finding("unseen-peak", NOTE, message, no_sign.numbers) if p < NO_SIGN else no_sign
     return doubts
 
 
@@ -164,37 +160,24 @@ def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, 
 
 
 def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Finding]:
-    """The bristle's parameters in which the halves of all runs differ, each fitted by one step (of whole runs: `repeats`)."""
-    n = problem.size
-    J, left = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
-    largest = np.abs(J).max(axis=0)
-    J = J / np.where(largest > 0, largest, 1.0)  # how far apart in standard errors is the same in any unit
-    parameters = {name: k for k, name in enumerate(solution.names) if isinstance(name, ParameterName)}
-    known = solution.scaled_errors < np.inf
-    looked_at = {name: k for name, k in parameters.items() if name.name in BRISTLE and known[k]}
-    freedom = n / solution.widening**2 - 2 * len(parameters)
-    if freedom < 1 or not looked_at:
-        return {}
-    variance = float(left @ left) / n * solution.widening**2
-    steps, spreads = [], []
+    """The bristle's parameters in which the halves of all runs differ, all else free in each (of whole runs: `repeats`)."""
+    n, seen = problem.size, np.flatnonzero(solution.scaled_errors < np.inf).tolist()
+    J, left = solution.minimum.jacobian[:n, seen], solution.minimum.residuals[:n]
+    J = J / np.maximum(np.abs(J).max(axis=0), 1e-300)  # the same in any unit
+    looked_at = {name: k for k, at in enumerate(seen) if (name := solution.names[at]).name in BRISTLE}
     sizes = [sum(m.size for m in run) for _, run in groupby(problem.motions, key=lambda m: m.file)]
-    first = np.concatenate([np.arange(size) < size // 2 for size in sizes])
-    for rows in (first, ~first):
-        size = np.linalg.norm(J[rows], axis=0)
-        size[size <= _NOTHING * np.linalg.norm(J, axis=0)] = np.inf
-        inverse = inverse_gram(J[rows] / size)
-        steps.append(-inverse @ (J[rows].T @ left[rows] / size) / size)
-        spreads.append(np.where(size < np.inf, variance * np.diag(inverse) / size**2, np.inf))
-    limit = float(stdtrit(freedom, 1 - SIGNIFICANCE / (2 * len(looked_at))))
-    apart = (steps[0] - steps[1]) / np.sqrt(np.maximum(spreads[0] + spreads[1], 1e-300))
+    differs = J * np.concatenate([np.sign(size // 2 - np.arange(size) - 0.5) for size in sizes])[:, None]
     doubts = dict[ParameterName, Finding]()
     for name, k in looked_at.items():
-        if (off := float(abs(apart[k]))) > limit:
+        known = np.hstack([J, np.delete(differs, k, axis=1)])
+        (found,) = scores(known, left, [differs[:, [k]]], solution.widening**2)
+        if isinstance(name, ParameterName) and found.p * len(looked_at) < SIGNIFICANCE:
+            apart = float(abs(found.sizes[0]) / found.errors[0])
             message = (
-                f"Not identifiable from this motion: the halves of the record differ by {off:.1f} standard errors; slow loading "
+                f"Not identifiable from this motion: the halves of the record differ by {apart:.1f} standard errors; slow loading "
                 "from rest (experiment: presliding) would show it."
             )
-            doubts[name] = Finding("unseen-halves", NOTE, message, {"apart": off})
+            doubts[name] = Finding("unseen-halves", NOTE, message, {"apart": apart})
     return doubts
 
 

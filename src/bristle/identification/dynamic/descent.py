@@ -17,7 +17,6 @@ from bristle.identification.dynamic.problem import (
     InitialState,
     Unknown,
     Values,
-    modelled,
     parameters,
     residuals,
 )
@@ -27,10 +26,6 @@ from bristle.progress import Progress
 
 FEWEST = 2  # least equations per unknown
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")  # descended as logarithms
-_LARGE = 50_000  # samples from which a descent begins on a few of them
-_EVERY = 8  # samples per one of those few
-_ROUGH = 10.0  # factor on their distance of nodes
-_NEAR = 0.1  # of the variance: where their descent ends
 _MORE = 200  # additional steps for the lowest end
 _RISES = 0.1  # typical rise of friction per load
 _MOST = 10.0  # of the largest torque: limit of alpha_1
@@ -53,38 +48,17 @@ def solved(
 ) -> tuple[LeastSquares[Unknown], Minimum]:
     """The least-squares problem about a start, and its minimum; `lowest` and `enough` as in `minimise`."""
     posed = least_squares(problem, start)
-    unknowns = posed.unknowns
-    begin, bounds = unknowns.scaled(start), (unknowns.lower, unknowns.upper)
-    few, between = thinned(problem), thinned(problem, _EVERY // 2)
-    if few is not problem:
-        # a quick descent over few samples, kept if it also fits samples between them
-        with suppress(InputError):
-            rough = unknowns.values(minimise(_evaluation(few, unknowns), begin, *bounds, most, _NEAR).x)
-            left = [np.sum((between.measured - np.concatenate(modelled(between, x))) ** 2) for x in (rough, start)]
-            begin = unknowns.scaled(rough) if left[0] <= left[1] else begin
-    return posed, minimise(posed.evaluate, begin, *bounds, most, lowest=lowest, enough=enough)
-
-
-def thinned(problem: DynamicProblem, first: int = 0) -> DynamicProblem:
-    """Every 8th of many samples, unsmoothed; problems of fewer as they are."""
-    if sum(m.time.size for m in problem.motions) < _LARGE:
-        return problem
-    names, at = ("time", "velocity", "torque", "extra", "measured"), slice(first, None, _EVERY)
-    few = ({name: getattr(m, name)[at] for name in names} | {"load": m.load and m.load.at(at)} for m in problem.motions)
-    pairs = zip(problem.motions, few, strict=True)
-    return replace(problem, motions=tuple(replace(m, smooth=None, coarsening=_ROUGH, **own) for m, own in pairs))
+    begin, lower, upper = posed.unknowns.scaled(start), posed.unknowns.lower, posed.unknowns.upper
+    return posed, minimise(posed.evaluate, begin, lower, upper, most, lowest=lowest, enough=enough)
 
 
 def polished(
     problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """A minimum that ran out of steps, continued."""
+    """A minimum that ran out of steps, continued with scales and bounds of its own."""
     if minimum.converged or minimum.residuals.size < FEWEST * minimum.x.size:
         return posed, minimum
-    values = posed.unknowns.values(minimum.x)
-    near = least_squares(problem, values)
-    start, bounds = near.unknowns.scaled(values), (near.unknowns.lower, near.unknowns.upper)
-    better = minimise(near.evaluate, start, *bounds, _MORE)
+    near, better = solved(problem, posed.unknowns.values(minimum.x), _MORE)
     if better.cost > minimum.cost:
         return posed, minimum
     return near, better._replace(steps=minimum.steps + better.steps)
@@ -218,18 +192,18 @@ def solve_dynamic(
 
 def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
     """Starts at deflections from a count to a third of the travel that beat their neighbours, by short descents."""
-    few = thinned(problem)
-    sigma_0 = [n for n in few.friction_names if n.name == "sigma_0" and n not in few.fixed and n not in few.with_prior]
+    given = {*problem.fixed, *problem.with_prior}
+    sigma_0 = [n for n in problem.friction_names if n.name == "sigma_0" and n not in given]
     if not sigma_0:
         return []
-    softest = few.travel / 3
+    softest = problem.travel / 3
     way = float(np.median(np.concatenate([np.abs(m.velocity[1:]) * m.step for m in problem.motions])))
     at, ends, costs = dict(start), list[Values](), [np.inf]
-    for reach in np.geomspace(max(few.count, way / 3, 1e-6 * softest), softest, _RUNGS).tolist():
-        known = {**few.fixed, **at}
+    for reach in np.geomspace(max(problem.count, way / 3, 1e-6 * softest), softest, _RUNGS).tolist():
+        known = {**problem.fixed, **at}
         held = {n: 0.0 for n in at if n.name == "sigma_1"}
         held |= {n: (known[n._replace(name="alpha_0")] + known[n._replace(name="alpha_1")]) / reach for n in sigma_0}
-        rung = replace(few, fixed={**few.fixed, **held})
+        rung = replace(problem, fixed={**problem.fixed, **held})
         with suppress(InputError):
             found, minimum = fit(rung, with_deflections(rung, {n: x for n, x in at.items() if n not in held}), _DESCENT)
             if minimum.cost < _LOST * min(costs):

@@ -60,6 +60,10 @@ _BENT = 4.0  # ratio of costs from which a term that bends the whole curve is ke
 _UNEVEN = 1.5  # ratio of run residuals from which runs are weighted
 _NOTHING = 100.0  # percent: the error of no model
 _UNSEEN = 1e-2  # of the largest singular value: directions below are hardly seen
+_BENDS = (
+    "Not identifiable from this motion: v_s lies near the fastest speed, so that the Stribeck term bends the whole curve "
+    "instead of dropping at low speed."
+)
 
 
 class DynamicSolution(NamedTuple):
@@ -174,11 +178,7 @@ def _not_shown(
     unknowns, doubts = solution.posed.unknowns, peak_doubts(problem, solution)
     upper = dict(zip(problem.names, unknowns.upper.tolist(), strict=True))
     errors = dict(zip(solution.names, (solution.scaled_errors * unknowns.scale).tolist(), strict=True))
-    message = (
-        "Not identifiable from this motion: v_s lies near the fastest speed, so the term would bend the whole curve "
-        "instead of dropping at low speed."
-    )
-    bend = Finding("unseen-bend", NOTE, message)
+    bend = Finding("unseen-bend", NOTE, _BENDS)
     bends, unsure, none = (dict[ParameterName, tuple[float, Finding]]() for _ in range(3))
     for direction in problem.directions:
         alpha_0, alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_0", "alpha_1", "v_s"))
@@ -225,11 +225,7 @@ def estimates_of(
     doubts = peak_doubts(problem, solution)
     estimates = warned(estimates, {name: why for name, why in doubts.items() if name not in shown})
     estimates = warned(estimates, bristle_doubts(problem, solution, estimates))
-    message = (
-        "Not identifiable from this motion: v_s lies near the fastest speed, so that the Stribeck term bends the whole curve, which is known at "
-        "these speeds alone."
-    )
-    kept = {name: Finding("unseen-shape", NOTE, message) for name, code in shown.items() if code == "unseen-bend"}
+    kept = {name: Finding("unseen-shape", NOTE, _BENDS) for name, code in shown.items() if code == "unseen-bend"}
     estimates = warned(estimates, kept)
     beside = {n._replace(name=name) for n in kept for name in ("alpha_0", "alpha_2")} & estimates.keys()
     errors = dict(zip(solution.names, solution.scaled_errors.tolist(), strict=True))
@@ -309,8 +305,7 @@ def search_findings(
             f"The inertia comes out at {J.value:.3g} +/- {J.standard_error:.2g} {J.unit}, and none is below zero: the torque is "
             "filtered or late, or another signal is not what it is taken for. Do not use the numbers of this fit."
         )
-        numbers = {"value": J.value, "error": J.standard_error, "unit": J.unit}
-        yield Finding("inertia-below-zero", CRITICAL, message, numbers)
+        yield Finding("inertia-below-zero", CRITICAL, message, {"value": J.value, "error": J.standard_error})
     for own in problem.law.peak.own:  # beside v_s
         held = [ParameterName(own.name, d) for d in problem.directions]
         names = tuple(dict.fromkeys(str(n) for n in held if problem.fixed.get(n) == own.middle))
@@ -354,14 +349,8 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
     up = tuple(n for n, w in members if w * members[0][1] > 0)
     down = tuple(n for n, w in members if w * members[0][1] < 0)
     every, raised, lowered = (" and ".join(map(str, names)) for names in ((*up, *down), up, down))
-    if not down:
-        message = (
-            f"{every} are identifiable only relative to one another: raising them together hardly changes the torque."
-        )
-        return Finding("only-against", CAUTION, message, {"up": up})
-    message = (
-        f"{every} are identifiable only as a sum: raising {raised} and lowering {lowered} hardly changes the torque."
-    )
+    change = f"raising {raised} and lowering {lowered}" if down else "raising them together"
+    message = f"{every} are identifiable only in combination: {change} hardly changes the torque."
     return Finding("only-as-sum", CAUTION, message, {"all": (*up, *down), "up": up, "down": down})
 
 

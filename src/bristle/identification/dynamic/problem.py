@@ -256,16 +256,10 @@ def residuals(problem: DynamicProblem, values: Values, chain: Array | None = Non
     known: Values = {**problem.fixed, **values}
     names = problem.names
     row_of = {name: j for j, name in enumerate(names)}
-    factor = (-np.ones(len(names)) if chain is None else -chain).tolist()
-    blocks = [rows for rows, _ in problem.blocks]
-    left = np.empty(blocks[-1].stop)
+    factor = -np.ones(len(names)) if chain is None else -chain
+    left = np.empty(problem.size)
     slopes = np.zeros((len(names), left.size))  # a row per parameter: long inner loops
-    memory = [
-        {name: slopes[j, rows] for name, j in row_of.items()} if m.smooth is None else {}
-        for m, rows in zip(problem.motions, blocks, strict=True)
-    ]
-    by_motion = _equations(problem, known, memory)
-    for m, here, (rest, slope_of) in zip(problem.motions, blocks, by_motion, strict=True):
+    for m, (here, _), (rest, slope_of) in zip(problem.motions, problem.blocks, _equations(problem, known), strict=True):
         seen = [name for name in slope_of if name in row_of]
         columns = [rest, *(slope_of[name] for name in seen)]
         if m.smooth is not None:  # in one product, which is faster
@@ -276,25 +270,19 @@ def residuals(problem: DynamicProblem, values: Values, chain: Array | None = Non
     return left, slopes.T
 
 
-def _equations(
-    problem: DynamicProblem, known: Values, memory: Sequence[dict[Unknown, Array]]
-) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
+def _equations(problem: DynamicProblem, known: Values) -> Iterator[tuple[Array, dict[Unknown, Array]]]:
     """Of each motion measured less modelled torque, N*m, (N,), and the derivatives of the latter."""
     p, extra = parameters(problem, known), np.array([known[name] for name in problem.extra_names])
     keys = problem.friction_names
     for parts, raised, given in _rollout_groups(problem, known):
-        size, (first, *others) = given["velocity"].size, parts
-        every: tuple[Unknown, ...] = (*keys, InitialState("z0", first))
-        own: dict[Unknown, Array] = {} if others else memory[first]  # a motion by itself has memory
-        rows = [own[key] if key in own else np.empty(size) for key in every]
-        between = [np.empty(size) for _ in raised]
-        torque = rollout_into([*rows[:-1], *between, rows[-1]], parameters=p, **given).torque
+        rows = [*np.empty((len(keys) + len(raised) + 1, given["velocity"].size))]
+        torque = rollout_into(rows, parameters=p, **given).torque
         for k, at in parts.items():
             m = problem.motions[k]
-            slopes: dict[Unknown, Array] = {name: row[at] for name, row in zip(keys, rows[:-1], strict=True)}
+            slopes: dict[Unknown, Array] = {name: row[at] for name, row in zip(keys, rows, strict=False)}
             slopes[InitialState("z0", k)] = rows[-1][at]
             slopes |= dict(zip(problem.extra_names, m.extra.T, strict=True))
-            slopes |= {name: slopes[name] + row[at] for name, row in zip(raised, between, strict=True)}
+            slopes |= {name: slopes[name] + row[at] for name, row in zip(raised, rows[len(keys) : -1], strict=True)}
             yield m.torque - torque[at] - m.extra @ extra, slopes
 
 

@@ -32,7 +32,6 @@ _PATTERN = 0.9  # lag-one correlation of residuals that are a pattern: noise is 
 _ENOUGH, _INDEPENDENT = 300, 30  # least equations, and independent ones, to judge patterns
 _TURNING, _BESIDE = 0.1, 2  # of the rms speed: slower equations, and two neighbours each, are at a reversal
 _TURNS_WORSE, _FEWEST = 2.0, 20  # ratio of residuals at reversals (clean runs: 1.0 to 1.1), and least equations there
-_PLACES, _BETWEEN, _LARGE = 3, 0.2, 0.1  # places named, s between two, and their squares beside the largest
 _WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, to pass the backlash
 _ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone
 _TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: where a sensor or drive saturates
@@ -77,8 +76,6 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
     lag = [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]
     late, made = _equations(motions, lag), weight**2 * _made_by_counts(problem, solution)
     ask(partial(_delay, problem, solution, fit, late, made), lag)
-    grows = [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in zip(torque, motions, strict=True)]
-    ask(partial(_drift, size), grows, is_friction=True)
     weighs = [k for k, name in enumerate(names[: extra.size]) if name.startswith("gravity")]
     if weighs and all(m.load is None for m in motions):  # only if friction does not rise with load in the model
         load = [np.abs(m.extra[:, weighs] @ extra[weighs]) * np.sign(m.velocity) for m in motions]
@@ -161,18 +158,6 @@ def _without_counts(found: Score, made: Array) -> tuple[float, float]:
         return delay, error
     counts = float(made.sum()) * delay**2 / found.squares
     return delay - counts, float(np.hypot(error, counts / 2))
-
-
-def _drift(friction: float, found: Score, _: int) -> Finding:
-    by = float(found.sizes[0])
-    how, why = ("grows", "cools down") if by > 0 else ("falls", "warms up")
-    message = (
-        f"The torque {how} by {100 * abs(by):.0f} % in the course of a run, all else alike, which would explain {100 * found.share:.0f} % of "
-        f"what the fit leaves: a joint that {why}, or a sensor that does. Numbers are of the middle of the run; let its temperature settle "
-        "first, or fit its parts apart."
-    )
-    numbers = {"how": how, "by": abs(by), "share": found.share}
-    return Finding("torque-drifts-in-runs", CAUTION, message, numbers, {"torque": abs(by) * friction})
 
 
 def _by_load(law: str, found: Score, _: int) -> Finding:
@@ -273,14 +258,9 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
     share = float(squares[worst].sum()) / total
     if share < _BURST:
         return []
-    file, places = problem.file, list[int]()
-    for k in worst[squares[worst] > _LARGE * squares[worst[0]]].tolist():
-        near = (abs(problem.time[k] - problem.time[j]) < _BETWEEN for j in places if file[j] == file[k])
-        if len(places) < _PLACES and not any(near):
-            places.append(k)
-    where = tuple(f"{file[k]} at {problem.time[k]:.5g} s" for k in places)
+    where = f"{problem.file[worst[0]]} at {problem.time[worst[0]]:.5g} s"
     message = (
-        f"{100 * _TOP:.0f} % of the equations hold {100 * share:.0f} % of what the fit leaves, most at {'; '.join(where)}: that is not noise, "
+        f"{100 * _TOP:.0f} % of the equations hold {100 * share:.0f} % of what the fit leaves, most at {where}: that is not noise, "
         "and bends numbers further than their errors say. Look at the log there: an impact, lost samples, a reading not refreshed."
     )
     return [Finding("bursts", CAUTION, message, {"share": share, "few": _TOP, "where": where})]

@@ -20,7 +20,6 @@ from bristle.identification.presliding.stiffness import (
     estimator_of,
     of_loading,
     printed,
-    printed_bias,
     quantum_of,
     stiffness,
     torque_shares,
@@ -116,10 +115,6 @@ def fit_presliding(
     if level.is_bound:
         warnings.append(bound := _bounded(direction, level, by_bend))
         more = softens or bound
-    on_edge, mean, spread = (np.nan, np.nan, np.nan)
-    if quantum > 0 and sigma_0.value is not None and sigma_0.value > 0:
-        u = np.array([max(sigma_0.value * quantum / level.value, 1e-9)])
-        on_edge, mean, spread = (float(x[0]) for x in printed_bias(u))
     if more is None:
         three = stiffness_uncertainty(loadings, level, sigma_0)
     else:
@@ -143,8 +138,7 @@ def fit_presliding(
         direction=direction, printed=printed(loadings, level.value, kind), sigma_0=sigma_0,
         sigma_1=_sigma_1(sigma_0, inertia, kind), degrees_of_freedom=estimator_of(loadings)(pieces)[2],
         level=level.value, level_standard_error=level.standard_error,
-        level_source=level.source, quantum=quantum, counts=counts, bias_on_edge=on_edge, bias_mean=mean,
-        bias_spread=spread, loadings=tuple(loadings), warnings=tuple(warnings),
+        level_source=level.source, quantum=quantum, counts=counts, loadings=tuple(loadings), warnings=tuple(warnings),
         uncertainty={"sigma_0": shifted_three(three, sigma_0)},
         repeats={"sigma_0": scatter} if scatter else {},
     )  # fmt: skip  # a list of values

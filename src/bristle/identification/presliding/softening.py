@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from scipy.optimize import brentq, minimize_scalar
+from scipy.optimize import minimize_scalar
 from scipy.special import stdtrit
 
 from bristle.arrays import Array
@@ -12,6 +12,7 @@ from bristle.data.slow_loading import Loading
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
 from bristle.estimation.levels import RARE
+from bristle.estimation.profile_likelihood import interval_on_grid
 from bristle.findings import CAUTION, Finding, in_direction
 from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading, unbent
 from bristle.model.parameters import Kind, unit
@@ -110,24 +111,19 @@ def with_most(loadings: Sequence[Loading], level: KnownValue) -> KnownValue:
         y, u = _within_loadings(np.column_stack([points.y, U]), weighted)[0].T
         return np.asarray(u - y * float(y @ u) / float(y @ y))
 
-    def cost(x: float) -> float:
-        return float(np.sum(left(x) ** 2))
+    def costs(values: Array) -> Array:
+        return np.array([float(np.sum(left(x) ** 2)) for x in values.tolist()])
 
-    grid = np.linspace(0, 1, _GRID + 1)
-    grid[0] = _STRAIGHT
-    costs = [cost(x) for x in grid.tolist()]
-    k = int(np.argmin(costs))
-    best = float(minimize_scalar(cost, bounds=(grid[max(k - 1, 0)], grid[min(k + 1, _GRID)]), method="bounded").x)
+    grid = np.maximum(np.linspace(0, 1, _GRID + 1), _STRAIGHT)
+    of_grid = costs(grid)
+    k = int(np.argmin(of_grid))
+    near = grid[max(k - 1, 0)], grid[min(k + 1, _GRID)]
+    best = float(minimize_scalar(lambda x: costs(np.array([x]))[0], bounds=near, method="bounded").x)
     rest = left(best)
     freedom = max(rest.size / inflation(rest) - np.unique(points.loading).size - 2, 1.0)
-    limit = cost(best) * (1 + student(freedom) ** 2 / freedom)
-    ends = []
-    for far in (1.0, float(grid[0])):
-        outside = [x for x, c in zip(grid.tolist(), costs, strict=True) if c > limit and (x - best) * (far - best) > 0]
-        nearest = min(outside, key=lambda x: abs(x - best), default=None)
-        ends.append(far if nearest is None else float(brentq(lambda x: cost(x) - limit, best, nearest)))
-    most = level.value / ends[1] if ends[1] > _STRAIGHT else np.inf
-    return level._replace(value=level.value / ends[0], most=most)
+    limit = float(rest @ rest) * (1 + student(freedom) ** 2 / freedom)
+    low, high = interval_on_grid(costs, grid, of_grid, best, limit)
+    return level._replace(value=level.value / min(high, 1.0), most=level.value / low if low else np.inf)
 
 
 def _points(loadings: Sequence[Loading], g0: float) -> _Points:

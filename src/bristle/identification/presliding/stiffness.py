@@ -20,7 +20,6 @@ from bristle.model.vectorize import evaluate
 
 REACH = 0.8  # of g0: above, noise in T is amplified by log(1 - T / g0)
 LIMIT = 0.97  # of g0: noise above it is cut off, where U has no value
-_YIELDS = 3.0  # ratio below the first count's limit at which a joint slides
 _STRAIGHT = 1e6  # of the largest torque held: a g0 that bends nothing
 _NONE = 1e-60  # a smaller compliance is rounding
 
@@ -89,16 +88,6 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> Est
     solve = estimator_of(loadings)
     value, error, freedom = solve(pieces)
     error = float(np.hypot(error, by_level(solve, loadings, level) * level.standard_error))
-    first = unbent(first_torques(loadings, level.value), level.value)
-    if quantum > 0 and first.size:
-        y, U, lines = _at_edges(pieces)
-        noise = float(np.linalg.norm(U - value * y) / np.sqrt(max(y.size - lines - 1, 1) * first.size))
-        if 0 < value < (float(np.mean(first)) - 1.96 * noise) / quantum / _YIELDS:
-            message = (
-                "The joint moves much further than its first counts predict: it slides, or this is not slow loading "
-                "below breakaway."
-            )
-            return Estimate(value=None, unit=unit("sigma_0", kind), warnings=(Finding("yields", CAUTION, message),))
     if not (0 < value < np.inf and np.isfinite(error)):
         message = "Not positive: the displacement does not increase with the torque."
         why = Finding("not-positive", CRITICAL, message)
@@ -110,11 +99,15 @@ def stiffness(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> Est
 
 def printed(loadings: Sequence[Loading], g0: float, kind: Kind) -> Estimate:
     """(14) as printed, T1 / x1: the mean torque at the first count edge below g0, over a count; without an error."""
-    T, quantum, of = first_torques(loadings, g0), quantum_of(loadings), unit("sigma_0", kind)
-    if not quantum or not T.size:
+    T = [x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0]
+    quantum, of = quantum_of(loadings), unit("sigma_0", kind)
+    if not quantum or not T:
         why = Finding("no-counts", NOTE, "No encoder counts are visible below g0; (14) needs them.")
         return Estimate(value=None, unit=of, warnings=(why,))
-    message = "Assumes that the joint moves a whole count to the first edge; it may be any part of one."
+    message = (
+        "Assumes that the joint moves a whole count to the first edge; it may be any part of one, so that (14) gives half of "
+        "sigma_0 on average."
+    )
     return Estimate(value=float(np.mean(T)) / quantum, unit=of, warnings=(Finding("whole-count", NOTE, message),))
 
 
@@ -135,17 +128,6 @@ def _between(near: Estimate, middle: Estimate, far: Estimate) -> Estimate:
     errors = [x.standard_error or 0.0 for x in (near, far)]
     error = float(np.hypot(max(errors), (near.value - far.value) / np.sqrt(12)))
     return replace(middle, standard_error=error, interval=interval, warnings=warnings)
-
-
-def printed_bias(u: Array) -> tuple[Array, Array, Array]:
-    """Relative bias of (14) at u = sigma_0 q / g0: rest on a count edge; mean over rest positions; its spread."""
-    on_edge = -np.expm1(-u) / u
-    below = u < 1e-4  # the differences below would be rounding
-    safe = np.where(below, 1.0, u)
-    at = -np.expm1(-safe) / safe
-    mean = np.where(below, 0.5 - u / 6, (1 - at) / safe)
-    square = np.where(below, 1 / 3 - u / 4, (1 - 2 * at - np.expm1(-2 * safe) / (2 * safe)) / safe**2)
-    return on_edge - 1, mean - 1, np.sqrt(np.maximum(square - mean**2, 0.0))
 
 
 def unbent(torque: Array, g0: float) -> Array:
@@ -179,27 +161,18 @@ def by_level(estimator: Estimator, loadings: Sequence[Loading], level: KnownValu
     return float(np.mean(steps)) / width if steps else np.inf
 
 
-def first_torques(loadings: Sequence[Loading], g0: float) -> Array:
-    """Torque at the first count edge below g0 of each loading, N*m, (k,)."""
-    return np.array([x.edge_torque[0] for x in loadings if x.edge_torque.size and x.edge_torque[0] < g0])
-
-
-def _at_edges(pieces: Sequence[Piece]) -> tuple[Array, Array, int]:
-    """Weighted displacement and U at count edges, (n,), each loading about its mean, and the number of loadings."""
+def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
+    """Slope of U over y at count edges, standard error, degrees of freedom; infinite without two edges."""
+    # weighted, each loading about its mean
     parts = [
         [np.sqrt(p.weight) * (x - p.weight @ x / p.weight.sum()) for x in (p.edge_y, p.edge_U)]
         for p in pieces
         if p.edge_y.size > 1
     ]
-    y, U = np.concatenate([np.zeros((2, 0)), *parts], axis=1)
-    return y, U, len(parts)
-
-
-def by_edges(pieces: Sequence[Piece]) -> tuple[float, float, float]:
-    """Slope of U over y at count edges, standard error, degrees of freedom; infinite without two edges."""
-    y, U, lines = _at_edges(pieces)
-    if not lines:
+    lines = len(parts)
+    if not parts:
         return np.inf, np.inf, 1.0
+    y, U = np.concatenate(parts, axis=1)
     slope = float(y @ U / (y @ y))
     score, freedom = y * (U - slope * y), y.size - lines - 1
     variance_inflation = inflation(score)

@@ -1,78 +1,56 @@
-"""Intervals of a presliding stiffness: u is sigma_0, or its inverse for `samples`, x = (g0 - level) / its error."""
+"""Intervals of a presliding stiffness, and its scatter over the runs."""
 
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation import interval_comparison
-from bristle.estimation.conditional_profile import Conditional, ConditionalProfiles, Looks
 from bristle.estimation.covariance import student
 from bristle.identification.fits import Estimate, RunScatter, Uncertainty
-from bristle.identification.presliding.stiffness import (
-    KnownValue,
-    estimator_of,
-    of_loading,
-    quantum_of,
-)
+from bristle.identification.presliding.stiffness import KnownValue, estimator_of, of_loading, quantum_of
 from bristle.identification.repeats import limit_widening, scatter_of
 
 _LEAST_FREEDOM = 4.0  # degrees of freedom from which a run states its own error
 _NODES = 17  # values of g0 of the estimator, linear between them
-_LOOKS = Looks(first=4001, near=2, again=0, drawn=4001)  # one look at so many
+_LOOKS = 4001  # values of g0 at which extremes are looked for
 _LEAST = 0.2  # of g0: its least value
 _CURVE = 41
 _BEYOND = 1.3  # drawn range, in half-widths of the interval
 
 
-class _Line(NamedTuple):
-    """An estimator over g0."""
-
-    inverse: bool  # Whether u is the inverse of sigma_0, as by all samples
-    x: Array  # (g0 - level) / its error, ascending, (k,)
-    u: Array  # (k,)
-    e: Array  # (k,)
-    reach: float  # t
-
-    def at(self, x: Array | float) -> tuple[Array, Array]:
-        """The values of u and e at x."""
-        return np.asarray(np.interp(x, self.x, self.u)), np.asarray(np.interp(x, self.x, self.e))
-
-    def sigma_0(self, u: Array) -> Array:
-        """sigma_0 >= 0 at u, infinite where an inverse is not positive."""
-        if not self.inverse:
-            return np.maximum(u, 0.0)
-        return np.asarray(np.divide(1.0, u, out=np.full(u.shape, np.inf), where=u > 0), dtype=np.float64)
-
-
 def stiffness_uncertainty(loadings: Sequence[Loading], level: KnownValue, estimate: Estimate) -> Uncertainty:
     """Intervals of sigma_0 by covariance and by profile; of a lower bound its interval alone.
 
-    By profile: Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2 <= t**2.
+    By profile: Q(u) = min over x of ((u - u(x)) / e(x))**2 + x**2 <= t**2, where u is sigma_0, or its inverse by all
+    samples, and x = (g0 - level) / its error.
     """
     if estimate.value is None or not estimate.standard_error or estimate.value <= 0:
         return Uncertainty(covariance=None, profile=estimate.interval, bootstrap=None, warnings=estimate.warnings)
-    line = _line(loadings, level)
+    inverse = not quantum_of(loadings)
+    nodes, of_u, of_e, reach = _estimator(loadings, level, inverse=inverse)
+    x = np.append(nodes[0] + np.ptp(nodes) * np.linspace(0, 1, _LOOKS), 0.0)
+    u, variance = np.interp(x, nodes, of_u), np.interp(x, nodes, of_e) ** 2
+    far = np.sqrt(variance * np.maximum(reach**2 - x**2, 0.0))
+    ends = np.array([-float((far - u).max()), float((u + far).max())])
+    middle = u[-1]
+    drawn = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
+    heights = (x**2 + ((drawn[:, None] - u) / variance) ** 2 * variance).min(axis=1) / reach**2
 
-    def at(x: Array) -> Conditional:
-        """At x, (K, 1)."""
-        u, e = line.at(x)
-        return Conditional(u, e[..., None] ** 2, x[:, 0] ** 2)
+    def sigma_0(u: Array) -> Array:
+        """sigma_0 >= 0, infinite where an inverse is not positive."""
+        if not inverse:
+            return np.maximum(u, 0.0)
+        return np.asarray(np.divide(1.0, u, out=np.full(u.shape, np.inf), where=u > 0), dtype=np.float64)
 
-    box = line.x[[0, -1]][None]
-    profiles = ConditionalProfiles(free=at, best=np.zeros(1), threshold=line.reach**2, box=box, looks=_LOOKS)
-    (ends,), (middle, _) = profiles.intervals(), line.at(0.0)
-    about = np.unique(np.append(middle + _BEYOND * np.linspace(-1, 1, _CURVE)[:, None] * np.abs(ends - middle), ends))
-    low, *_, high = sorted(line.sigma_0(ends).tolist())
-    profile = low, high
-    values = line.sigma_0(about)
+    low, high = sorted(sigma_0(ends).tolist())
+    values = sigma_0(drawn)
     order = np.argsort(values)
     return Uncertainty(
-        covariance=estimate.interval, profile=profile, bootstrap=None,
-        curve=np.stack([values, profiles.heights(0, about, 0.0)])[:, order[np.isfinite(values[order])]],
-        warnings=interval_comparison.warnings(estimate.value, estimate.interval, profile, None),
+        covariance=estimate.interval, profile=(low, high), bootstrap=None,
+        curve=np.stack([values, heights])[:, order[np.isfinite(values[order])]],
+        warnings=interval_comparison.warnings(estimate.value, estimate.interval, (low, high), None),
     )  # fmt: skip  # a list of values
 
 
@@ -95,9 +73,9 @@ def stiffness_scatter(loadings: Sequence[Loading], level: KnownValue, estimate: 
     return limit_widening(found, float(np.sqrt(1 + share**2 * (found.widened**2 - 1))))
 
 
-def _line(loadings: Sequence[Loading], level: KnownValue) -> _Line:
-    """The estimator at values of g0."""
-    inverse, solve = not quantum_of(loadings), estimator_of(loadings)
+def _estimator(loadings: Sequence[Loading], level: KnownValue, *, inverse: bool) -> tuple[Array, Array, Array, float]:
+    """The estimator u and its error e at some x, (k,) each, and Student's t."""
+    solve = estimator_of(loadings)
 
     def at(g0: float) -> tuple[float, float, float]:
         """u, e and degrees of freedom at one g0; nan without edges."""
@@ -112,4 +90,4 @@ def _line(loadings: Sequence[Loading], level: KnownValue) -> _Line:
     g0 = level.value + x * error
     x, g0 = x[g0 >= _LEAST * level.value], g0[g0 >= _LEAST * level.value]
     u, e, _ = np.array([at(one) for one in g0.tolist()]).T
-    return _Line(inverse, x[np.isfinite(u)], u[np.isfinite(u)], e[np.isfinite(u)], reach)
+    return x[np.isfinite(u)], u[np.isfinite(u)], e[np.isfinite(u)], reach

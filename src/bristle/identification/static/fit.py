@@ -175,9 +175,9 @@ def _without_sticking(
     message = f"{numbers['sticking']} of {sticks.size} points stick and slip."
     if _too_few(rest):
         return [Finding("stick-slip-points", CAUTION, f"{message} Without them no fit is possible.", numbers)]
-    other = other_fit(core, solve_static(rest, options, kind))
-    numbers |= other.numbers
-    return [Finding("stick-slip-points", CAUTION, f"{message} Without: {other.told}", numbers, {"torque": other.apart})]
+    values, apart = other_fit(core, solve_static(rest, options, kind))
+    message += f" Without them the fitted torque changes by {apart:.2g}{unit_of('torque')} (rms)."
+    return [Finding("stick-slip-points", CAUTION, message, {**numbers, **values}, {"torque": apart})]
 
 
 def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions, kind: Kind) -> tuple[Finding, ...]:
@@ -198,28 +198,18 @@ def report_strays(core: StaticSolution, search: PointSearch, options: FitOptions
     dropped = options.drops_strays and bool(search.left_out)
     if not search.strays or not (dropped or search.matter):
         return ()
-    second = solve_static(search.problem.rows(search.sliding if dropped else search.kept), options, kind)
-    other = other_fit(core, second)
-    numbers, message = (
-        {"count": len(search.strays), **other.numbers},
-        f"{len(search.strays)} of {count} points off the law of the others",
-    )
+    rows = search.sliding if dropped else search.kept
+    values, apart = other_fit(core, solve_static(search.problem.rows(rows), options, kind))
+    numbers = {"count": len(search.strays), **values}
+    message = f"{len(search.strays)} of {count} points are off the law of the others"
+    told = f"the fitted torque changes by {apart:.2g}{unit_of('torque')} (rms)"
     if dropped:
-        message = (
-            f"{message} left out: {named}. With them: {other.told} To keep them, write `set_up: as-written` under fit."
-        )
+        message += f" and left out: {named}. With them {told}. To keep them, write `set_up: as-written` under fit."
         return (Finding("strays", CAUTION, message, numbers),)
-    # moved by more than a standard error, or identified by one fit alone
-    ours, theirs = ({n: e.value for n, e in x.parameters.items() if e.value is not None} for x in (core, second))
-    errors = {n: core.parameters[n].standard_error or 0.0 for n in ours}
-    alike = {n for n in ours.keys() & theirs.keys() if abs(ours[n] - theirs[n]) <= errors[n]}
-    moved = [core.problem.text(n) for n in dict.fromkeys((*core.parameters, *second.parameters)) if n not in alike]
-    if not moved:
-        return ()
     why = "neighbours, the ends of the range, or more than a tenth of the points show what the law lacks"
     why = why if options.drops_strays else "to leave them out, leave `set_up: as-written` out"
-    message = f"{message}, {named}, stay in: {why}. Without them {', '.join(moved)} would move by more than an error: {other.told}"
-    return (Finding("strays", CAUTION, message, numbers, {"torque": other.apart}),)
+    message += f" and stay in: {named}; {why}. Without them {told}."
+    return (Finding("strays", CAUTION, message, numbers, {"torque": apart}),)
 
 
 def terms_left_out(core: StaticSolution, kind: Kind, where: PointInfo) -> list[Finding]:

@@ -5,7 +5,6 @@ from dataclasses import dataclass, replace
 from functools import partial
 from itertools import compress
 from math import sqrt
-from typing import NamedTuple
 
 import numpy as np
 
@@ -63,28 +62,12 @@ class StaticSolution:
         return {**all_shifted(self.parameters, self.shifts), **self.beside}
 
 
-class OtherFit(NamedTuple):
-    """A fit of another choice of points."""
-
-    told: str  # Its values with their errors, and what it leaves
-    numbers: Mapping[str, float]  # Its values, by name
-    apart: float  # By how much it differs over the points of the other, N*m, rms
-
-
-def other_fit(one: StaticSolution, other: StaticSolution) -> OtherFit:
-    """The values of another fit of some of the points, compared with `one`, for findings."""
+def other_fit(one: StaticSolution, other: StaticSolution) -> tuple[dict[str, float | None], float]:
+    """The values of a fit of other points, and by how much its torque differs over the points of `one`, N*m, rms."""
     posed = replace(one.problem, peaks=other.problem.peaks)
     moved = posed.residuals(other.solution.theta) - one.problem.residuals(one.solution.theta)
-    values, numbers = list[str](), dict[str, float]()
-    for name, e in other.parameters.items():
-        if e.value is not None:
-            text = one.problem.text(name)
-            off = f" +/- {e.standard_error:.2g}" if e.standard_error else ""
-            values.append(f"{text} {e.value:.4g}{off}{unit_of(text)}")
-            numbers[text] = e.value
-    error, now = (x.problem.relative_error(x.solution.theta) for x in (other, one))
-    told = f"{', '.join(values)}; relative error {error:.2g} % instead of {now:.2g} %."
-    return OtherFit(told, numbers, float(np.sqrt(np.mean(moved**2))))
+    values = {one.problem.text(name): e.value for name, e in other.parameters.items()}
+    return values, float(np.sqrt(np.mean(moved**2)))
 
 
 def solve_static(

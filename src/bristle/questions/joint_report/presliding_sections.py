@@ -21,7 +21,7 @@ from bristle.page.said import Said
 from bristle.page.style import MOST_POINTS, panels, styled, thinned
 from bristle.page.wording import METHODS, axis, direction, in_print, measured, number, pretty, span
 from bristle.questions.joint_report import tables
-from bristle.questions.joint_report.sentences import bias, choice, level, methods, pair
+from bristle.questions.joint_report.sentences import choice, level, methods, pair
 
 MOST_LOOPS = 3  # closed cycles drawn
 _GREY = "#999999"
@@ -57,7 +57,6 @@ def _stiffness(joint: Joint, slow: Presliding) -> Section:
         said = (
             f"{in_print(choice(fit))} {wording.counted(len(fit.loadings), 'loading')} and {counts} crossed.",
             f"g₀ = {pretty(level(fit, joint.kind))}, from {in_print(fit.level_source)}.",
-            f"Bias of (14) as printed with this encoder: {in_print(bias(fit, joint.kind))}",
             f"σ₁ of an assumed damping ratio: {damping}.",
         )
         facts.append((direction(fit.direction), (*said, *prior.warnings)))

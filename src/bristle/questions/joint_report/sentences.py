@@ -139,14 +139,3 @@ def level(fit: PreslidingFit, kind: Kind) -> str:
     at_least = math.isinf(fit.level_standard_error)
     value = measured(fit.level, None if at_least else fit.level_standard_error)
     return f"{'at least ' * at_least}{value} {unit('torque', kind)}"
-
-
-def bias(fit: PreslidingFit, kind: Kind) -> str:
-    """Bias of (14) as printed with this encoder."""
-    if math.isnan(fit.bias_on_edge):
-        return "unknown: that needs encoder counts and a sigma_0."
-    return (
-        f"{100 * fit.bias_on_edge:+.1f} % where the joint rests on a count edge; {100 * fit.bias_mean:+.0f} % on average, "
-        f"with a spread of {100 * fit.bias_spread:.0f} %, where it rests anywhere in a count "
-        f"(one count is {fit.quantum:.4g} {unit('position', kind)}; noise in the torque comes on top)."
-    )
