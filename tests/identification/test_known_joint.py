@@ -10,7 +10,6 @@ import bristle
 from bristle.errors import InputError
 from bristle.findings import NOTE, Finding, Severity
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit
-from bristle.identification.joint_model import JointModel
 from bristle.identification.known_joint import DEFLECTION, Source, chosen, known_joint, whole
 from bristle.identification.results import Accuracy, Joint
 from bristle.identification.shared_findings import not_shown
@@ -18,6 +17,7 @@ from bristle.identification.verdict import Trust, other_warnings, value_warnings
 from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import SIGNED, Direction, Pair, ParameterName
 from bristle.simulation.drawn_joints import draws_of
+from bristle.simulation.joint_model import JointModel
 
 from ..conftest import speeds, write
 from ..names import parse

@@ -18,12 +18,12 @@ from bristle.api.identifying import identify
 from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
-from bristle.identification.joint_model import JointModel
 from bristle.model.laws.parts import OwnParameter, Peak, ViscousTerm
 from bristle.model.laws.registry import register_law
 from bristle.model.parameters import Lugre, Pair
 from bristle.questions.array_fit.fit import Fit
 from bristle.questions.export.export import Export
+from bristle.simulation.joint_model import JointModel
 
 __all__ = [
     "Export", "Fit", "Fleet", "InputError", "JointModel", "Lugre", "OwnParameter", "Pair", "Peak", "Results",

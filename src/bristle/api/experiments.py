@@ -13,13 +13,13 @@ from bristle.api.sources import Source, path_of
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
 from bristle.identification.measured import Measured
-from bristle.identification.proposal import draft_of_logs
 from bristle.identification.results import Joint
 from bristle.page.output_folder import check_folder
 from bristle.progress import Progress, step
 from bristle.questions.array_fit.fit import Fit
 from bristle.questions.compensation.replay import replays
 from bristle.questions.compensation.study import Study, begin_study, study
+from bristle.questions.drafting.proposal import draft_of_logs
 from bristle.questions.experiment_design.plan import VELOCITIES, Plan, check_plan
 from bristle.questions.experiment_design.plan import plan as plan_next
 from bristle.questions.method_validation.cases import joint_cases, sweep

@@ -11,7 +11,6 @@ from bristle.api.sources import JointLogs, path_of, placed
 from bristle.errors import InputError, short, short_list
 from bristle.findings import Finding
 from bristle.identification.document import document_of, joints_of, reading, with_samples
-from bristle.identification.joint_model import JointModel
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
@@ -20,6 +19,7 @@ from bristle.questions.compensation.study import Study, adverse, worth_of_each
 from bristle.questions.joint_report.results_file import to_frame, to_json
 from bristle.questions.method_validation.cases import check_fitted
 from bristle.questions.session_comparison.results import session_of
+from bristle.simulation.joint_model import JointModel
 from bristle.workers import Share
 
 if TYPE_CHECKING:

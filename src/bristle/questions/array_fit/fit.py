@@ -17,13 +17,13 @@ from bristle.estimation.covariance import student
 from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate, Uncertainty
-from bristle.identification.joint_model import JointModel
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import load_columns, regressors_of, terms_of
 from bristle.identification.results import Joint
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.plain import columns, interval, pair, wrapped
 from bristle.page.wording import direction
+from bristle.simulation.joint_model import JointModel
 
 if TYPE_CHECKING:
     import pandas as pd
