@@ -293,7 +293,7 @@ class Fault(NamedTuple):
 
 TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend", "unexplained")
 SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
-DRIFT = ("friction-drifts", "drift-in-order", "residual-trend")
+DRIFT = ("friction-drifts", "drift-in-order", "torque-drifts-in-runs", "residual-trend")
 OPEN = ("open-cycles",)
 CLIPPED = ("clipped", "clipped-left-out")
 PLAY = ("backlash", "reversals-left")

@@ -419,8 +419,8 @@ def test_a_peak_of_which_there_is_no_sign_hides_no_bristle(v_s: float) -> None:
 PLANTED: list[tuple[dict[str, float], dict[str, object]]] = [
     ({"every": 10}, {}), ({"every": 10, "drag": 0.05}, {"lacks-a-term": "regressors: [inertia, quadratic]"}),
     ({"every": 10, "gravity": 0.01}, {"lacks-a-term": "regressors: [inertia, gravity]"}), ({"noise": 2e-4}, {}),
-    ({"noise": 2e-4, "drift": 0.1}, {"friction-drifts": pytest.approx(0.1 * GRIPPER.alpha_0, rel=0.5)}),
-    ({"noise": 2e-4, "drift": -0.3}, {"friction-drifts": pytest.approx(-0.3 * GRIPPER.alpha_0, rel=0.5)}),
+    ({"noise": 2e-4, "drift": 0.1}, {"torque-drifts-in-runs": ("grows", pytest.approx(0.1, rel=0.1))}),
+    ({"noise": 2e-4, "drift": -0.3}, {"torque-drifts-in-runs": ("falls", pytest.approx(0.3, rel=0.1))}),
     ({"noise": 2e-4, "inertia": -3.0}, {"inertia-below-zero": Severity.CRITICAL}), ({"known gravity": 0.05}, {}),
     ({"known gravity": 0.05, "load": 0.2}, {"friction-by-load": (True, pytest.approx(0.2, rel=0.2))}),
     ({"pair": 1.0, "every": 10}, {}),
@@ -430,7 +430,7 @@ PLANTED: list[tuple[dict[str, float], dict[str, object]]] = [
 """What a torque has that its fit does not, N*m or a share, with its noise and its decimation, and what is said of it."""
 SIZES: dict[str, Callable[[Finding], object]] = {
     "lacks-a-term": lambda d: next(x for x in re.findall(r"regressors: \[inertia, \w+\]", str(d))),
-    "friction-drifts": lambda d: d.numbers["change"],
+    "torque-drifts-in-runs": lambda d: (d.numbers["how"], d.numbers["by"]),
     "inertia-below-zero": lambda d: d.severity,
     "friction-by-load": lambda d: ("law: gaussian+link-load" in str(d), d.numbers["by"]),
     "offset-or-friction": lambda d: d.numbers["offset"],

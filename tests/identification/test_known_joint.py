@@ -199,8 +199,8 @@ def test_every_way_to_its_friction_agrees(tmp_path: Path, wrist: JointModel, mon
         torque = running.step(1e-3, (0.3e-3 * k, 0.3), 0.3e-3 * k)
     assert torque == pytest.approx(float(wrist.friction(0.3)), rel=1e-6)
     # with `regressors: [quadratic]` friction is what was measured, and CasADi's has as much of it
-    for module in ("curve", "joint_model"):
-        monkeypatch.setattr(f"bristle.identification.{module}.drag_of", lambda _: 0.3)
+    for module in ("identification.curve", "simulation.joint_model"):
+        monkeypatch.setattr(f"bristle.{module}.drag_of", lambda _: 0.3)
     assert float(wrist.casadi().steady(-0.7)) == pytest.approx(float(wrist.friction(-0.7)), rel=1e-12)
     monkeypatch.undo()
     file, log = write(tmp_path, speeds()), pd.read_csv(tmp_path / "wrist.csv")

@@ -35,7 +35,7 @@ _BY_WEIGHT = (
     "stick-slip position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
     "other-law friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
     "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed delay-or-presliding "
-    "friction-by-load clipped lost-samples position-jumps "
+    "torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
     "position-held sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start"
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}
@@ -76,7 +76,7 @@ def verdict(joint: Joint) -> Verdict:
 
 
 _CAUSES = {
-    "friction-drifts", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
+    "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
     "backlash", "position-jumps", "lost-samples", "clipped", "clipped-left-out", "torque-missing", "torque-saturates",
     "runs-scatter", "torque-coarse", "torques-doubted",
 }  # fmt: skip  # a list of values

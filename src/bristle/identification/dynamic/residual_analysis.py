@@ -76,6 +76,8 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
     lag = [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]
     late, made = _equations(motions, lag), weight**2 * _made_by_counts(problem, solution)
     ask(partial(_delay, problem, solution, fit, late, made), lag)
+    grows = [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in zip(torque, motions, strict=True)]
+    ask(partial(_drift, size), grows, is_friction=True)
     weighs = [k for k, name in enumerate(names[: extra.size]) if name.startswith("gravity")]
     if weighs and all(m.load is None for m in motions):  # only if friction does not rise with load in the model
         load = [np.abs(m.extra[:, weighs] @ extra[weighs]) * np.sign(m.velocity) for m in motions]
@@ -158,6 +160,18 @@ def _without_counts(found: Score, made: Array) -> tuple[float, float]:
         return delay, error
     counts = float(made.sum()) * delay**2 / found.squares
     return delay - counts, float(np.hypot(error, counts / 2))
+
+
+def _drift(friction: float, found: Score, _: int) -> Finding:
+    by = float(found.sizes[0])
+    how, why = ("grows", "cools down") if by > 0 else ("falls", "warms up")
+    message = (
+        f"The torque {how} by {100 * abs(by):.0f} % in the course of a run, all else alike, which would explain {100 * found.share:.0f} % of "
+        f"what the fit leaves: a joint that {why}, or a sensor that does. Numbers are of the middle of the run; let its temperature settle "
+        "first, or fit its parts apart."
+    )
+    numbers = {"how": how, "by": abs(by), "share": found.share}
+    return Finding("torque-drifts-in-runs", CAUTION, message, numbers, {"torque": abs(by) * friction})
 
 
 def _by_load(law: str, found: Score, _: int) -> Finding:
