@@ -105,7 +105,7 @@ class _Decisions:
         narrow = self.measured
         self._low_pass()
         if self.measured is not narrow:
-            self._on_time()
+            self._on_time(again=True)
         if self.laws is None and self.joint.tracking is not None:
             step(self.progress, "comparing friction laws")
             before = self.measured.experiment.fit.law
@@ -276,12 +276,17 @@ class _Decisions:
                 laws, ends = laws_of_motion(self.measured, self.joint.tracking, every=True)
                 self.laws = laws or self.laws
 
-    def _on_time(self) -> None:
+    def _on_time(self, *, again: bool = False) -> None:
         """Take off a delay of the torque where residuals fall by a tenth; of commands wherever they do not grow."""
         signals, as_logged, late, moving = self.measured.experiment.signals, self.measured, 0.0, self.joint.moving
         source = next((name for name in (*DRIVE, *COMMANDS) if getattr(signals, name) is not None), None)
         declared = source is not None and "delay" in getattr(signals, source).model_fields_set
-        if declared or moving is None or as_logged.experiment.fit.set_up == AS_WRITTEN:
+        if (
+            declared
+            or moving is None
+            or as_logged.experiment.fit.set_up == AS_WRITTEN
+            or (again and source in COMMANDS)
+        ):
             return
         for _ in range(_SHIFTS):
             more, error = moving.late

@@ -94,16 +94,24 @@ class Trial(NamedTuple):
         first = next((errors for _, errors, set_up in tried if set_up == asked), None)
         if first is None:
             return None
-        best = min((errors for _, errors, _ in tried), key=lambda x: float(x @ x))
-        # within one standard error of the best over the parts, or hardly worse
-        as_good = []
-        for one in tried:
-            more = one[1] ** 2 - best**2
-            room = max(np.std(more, ddof=1) / np.sqrt(more.size), (_WORTH**2 - 1) * np.mean(best**2))
-            if more.mean() <= room:
-                as_good.append(one)
-        _, errors, chosen = min(as_good, key=lambda x: (x[0], float(x[1] @ x[1])))
+        without = [one for one in tried if "spring" not in set(one[2].regressors) - {*asked.regressors}]
+        (errors, chosen), (sprung, other) = _as_good(without), _as_good(tried)
+        if sprung @ sprung < errors @ errors / 2:  # a spring, which is rare, must explain half of what is left
+            errors, chosen = sprung, other
         return BetterSetUp(asked, chosen, float(np.linalg.norm(first)), float(np.linalg.norm(errors)))
+
+
+def _as_good(tried: Sequence[tuple[int, Array, SetUp]]) -> tuple[Array, SetUp]:
+    """Of set-ups with a size and their errors on each part, the smallest within one standard error of the best, or hardly worse."""
+    best = min((errors for _, errors, _ in tried), key=lambda x: float(x @ x))
+    within = []
+    for one in tried:
+        more = one[1] ** 2 - best**2
+        room = max(np.std(more, ddof=1) / np.sqrt(more.size), (_WORTH**2 - 1) * np.mean(best**2))
+        if more.mean() <= room:
+            within.append(one)
+    _, errors, chosen = min(within, key=lambda x: (x[0], float(x[1] @ x[1])))
+    return errors, chosen
 
 
 def trial_of_motion(experiment: Experiment, records: Sequence[Record]) -> Trial:
