@@ -97,11 +97,12 @@ def test_an_interval_is_widened_in_one_case_of_a_hundred_by_chance() -> None:
     """Of 4000 sets of five runs that differ by their errors alone 1 % are widened, whether errors are known well or by few degrees of freedom."""
     rng = np.random.default_rng(0)
     sets = rng.standard_normal((4000, 5)) + 10
-    found = [of_runs(x.tolist()) for x in sets]
+    all_of_five = 5**-0.5  # of the error of one
+    found = [of_runs(x.tolist(), of_all=all_of_five) for x in sets]
     share = np.mean([x.widened > 1 for x in found])
     assert 0.005 < share < 0.016
     spread = np.sqrt(rng.chisquare(20, 4000) / 20)  # of one variance for all runs, known by 4 degrees each
-    few = [of_runs(x.tolist(), e, 4.0) for x, e in zip(sets, spread, strict=True)]
+    few = [of_runs(x.tolist(), e, 4.0, e * all_of_five) for x, e in zip(sets, spread, strict=True)]
     assert 0.005 < np.mean([x.widened > 1 for x in few]) < 0.016
 
 

@@ -186,4 +186,5 @@ FITS = {"tracking": "moving runs", "joint": "joint fit"}  # fits of moving runs,
 METHODS = {  # ways to sigma_0, in tables and legends
     "printed": "(14) as printed, T₁ / x₁",
     "edges": "count edge to count edge",
+    "samples": "all samples",
 }
