@@ -193,6 +193,13 @@ def test_topics_with_rows_of_their_own(tmp_path: Path) -> None:
     own = np.isfinite(cells["q"])
     assert "own-time" in [note.code for note in found.notes]
     assert found.time.size <= own.sum()
+    # a position of the faster topic that wraps is unwrapped before it is interpolated
+    wrapped, sparse = np.where(at_q, np.mod(Q, 0.5), np.nan), np.where(np.arange(N) % 14 == 1, TAU, np.nan)
+    log(tmp_path, q=wrapped, tau=sparse)
+    (turns,) = records(tmp_path, signals={"position": {"column": "q", "unit": "rad", "wraps": "0.5 rad"}})
+    inner = slice(2, -2)
+    apart = (present(turns.position) - np.interp(turns.time, T, Q))[inner]
+    assert np.ptp(apart) < 0.02
     assert present(found.torque) == pytest.approx(np.interp(found.time, T, TAU), abs=0.02 * np.ptp(TAU))
 
 

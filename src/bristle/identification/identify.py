@@ -281,12 +281,8 @@ class _Decisions:
         signals, as_logged, late, moving = self.measured.experiment.signals, self.measured, 0.0, self.joint.moving
         source = next((name for name in (*DRIVE, *COMMANDS) if getattr(signals, name) is not None), None)
         declared = source is not None and "delay" in getattr(signals, source).model_fields_set
-        if (
-            declared
-            or moving is None
-            or as_logged.experiment.fit.set_up == AS_WRITTEN
-            or (again and source in COMMANDS)
-        ):
+        told = declared or (again and source in COMMANDS)
+        if told or moving is None or as_logged.experiment.fit.set_up == AS_WRITTEN:
             return
         for _ in range(_SHIFTS):
             more, error = moving.late

@@ -201,7 +201,7 @@ def _refiltered(record: Record, cutoff: float) -> Record:
     whole = record.fine or record
     velocity = None if whole.velocity_estimated else whole.velocity
     moved = estimate_motion(replace(whole, velocity=velocity, acceleration=None, notes=kept), cutoff)
-    return with_motion(record, moved) if record.fine else moved
+    return with_motion(record, moved)
 
 
 def with_wider_low_pass(measured: Measured, factor: float) -> Measured:

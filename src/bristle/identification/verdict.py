@@ -66,21 +66,21 @@ def verdict(joint: Joint) -> Verdict:
             known_joint(joint)
         except InputError as bad:  # an impossible number
             found = (*found, Finding("impossible-value", CRITICAL, f"{str(bad).partition(': ')[2]}."))
-    cause = next((x for x in found if x.code in _CAUSES), None)
+    cause, wide = (next((x for x in found if x.code in codes), None) for codes in (_CAUSES, _CAUSES | _WIDENS))
     if critical := [x for x in found if x.severity is Severity.CRITICAL]:
         named = next((x for x in critical if x.code not in _SIZES), cause)
         return Verdict(Trust.DO_NOT_USE, named or critical[0])
     if known is not None and not known.band <= joint.need:
-        return Verdict(Trust.DO_NOT_USE, _largest(joint, known, found[0] if found else None, cause))
+        return Verdict(Trust.DO_NOT_USE, _largest(joint, known, found[0] if found else None, wide))
     return Verdict(Trust.USE, None)
 
 
 _CAUSES = {
     "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
-    "backlash", "position-jumps", "lost-samples", "clipped", "clipped-left-out", "torque-missing", "torque-saturates",
-    "runs-scatter", "torque-coarse", "torques-doubted",
+    "backlash", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
 }  # fmt: skip  # a list of values
-"""Codes that explain large residuals or wide errors."""
+_WIDENS = {"clipped-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
+"""Codes that explain large residuals, and those that explain wide errors."""
 _SIZES = {"unexplained", "misfit"}  # codes that state the size of residuals
 
 

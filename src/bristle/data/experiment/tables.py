@@ -154,7 +154,9 @@ def read_columns(
     time, origin = (None, 0) if signals.time is None else _seconds(table, signals.time)
     table = replace(table, time=time, origin=origin)
     if keys.keys() - apart.keys() > {"time"}:
-        table = _on_rows_of_motion(table, {name: key for name, key in keys.items() if name not in apart}, cleaning_gap)
+        table = _on_rows_of_slowest(
+            table, signals, {x: key for x, key in keys.items() if x not in apart}, cleaning_gap, context
+        )
     for name, signal in apart.items():
         if signals.time is None:
             raise InputError(f"{source[1]}: {name} has a time of its own, and the run has none; give signals.time")
@@ -163,8 +165,10 @@ def read_columns(
     return table
 
 
-def _on_rows_of_motion(table: RawTable, keys: Mapping[str, Key], gap: float) -> RawTable:
-    """A table of several topics, each with rows of its own, on the rows of the slowest: as many or more tell the others.
+def _on_rows_of_slowest(
+    table: RawTable, signals: Signals, keys: Mapping[str, Key], gap: float, context: Context
+) -> RawTable:
+    """A table of several topics, each with rows of its own, on the rows of the slowest, the others interpolated.
 
     In such a table less than half as many rows are whole as the signal with the fewest has.
     """
@@ -172,23 +176,36 @@ def _on_rows_of_motion(table: RawTable, keys: Mapping[str, Key], gap: float) -> 
     fewest = min(int(rows.sum()) for rows in seen.values())
     if table.time is None or np.logical_and.reduce(list(seen.values())).sum() >= fewest / 2:
         return table
+    # of those that are about as slow the motion, whose derivatives interpolation would bend
     slow = [name for name, rows in seen.items() if rows.sum() <= 1.1 * fewest]
     base = next((name for name in ("position", "velocity") if name in slow), slow[0])
     rows = seen[base] & np.isfinite(table.time)
-    columns = {key: values[rows] for key, values in table.columns.items()}
-    others = [name for name in seen if (seen[name] & rows).sum() < fewest / 2]
-    for name in others:
+    columns, notes = {key: values[rows] for key, values in table.columns.items()}, list(table.notes)
+    for name in (name for name in seen if (seen[name] & rows).sum() < fewest / 2):
         with naming(name):
-            values = brought_to(table.time[rows], table.time, table.columns[keys[name]], gap)
-        columns[keys[name]] = values
-    message = (
-        f"{', '.join(others).capitalize()} and {base} are in different rows: {int(rows.sum())} rows of the {base} are taken, "
-        f"and {', '.join(others)} linear between samples."
-    )
+            values = _unwrapped(table.columns[keys[name]], getattr(signals, name), context)
+            columns[keys[name]] = brought_to(table.time[rows], table.time, values, gap)
+        notes.append(_own_time(name, values, columns[keys[name]]))
     return replace(
         table, columns=columns, rows=int(rows.sum()), time=table.time[rows], numbers=table.lines[rows],
-        notes=(*table.notes, Finding("own-time", NOTE, message, {"samples": int(rows.sum()), "outside": 0})),
+        notes=tuple(notes),
     )  # fmt: skip  # a list
+
+
+def _unwrapped(values: Array, signal: Signal, context: Context) -> Array:
+    """Values of a signal as logged, (n,), without the wraps of a position, which are not to be interpolated across."""
+    if not isinstance(signal, Position) or (period := signal.period(context)) is None:
+        return values
+    seen, whole = np.isfinite(values), values.copy()
+    whole[seen] = np.unwrap(values[seen], period=period / abs(signal.factor("position", context)))
+    return whole
+
+
+def _own_time(name: str, values: Array, onto: Array) -> Finding:
+    """The note on a signal with samples of its own, (m,), brought to the rows of a run, (n,)."""
+    samples, outside = int(np.isfinite(values).sum()), int(np.isnan(onto).sum())
+    message = f"{name.capitalize()} has a time of its own, with {samples} samples: interpolated, and missing in {outside} rows."
+    return Finding("own-time", NOTE, message, {"samples": samples, "outside": outside})
 
 
 def _seconds(table: RawTable, clock: TimeColumn) -> tuple[Array, int]:
@@ -221,16 +238,10 @@ def _with_signal(
         why = "one time is of unit iso and the other is not, so that nothing tells how they go together"
         raise InputError(f"{source[1]}: {name}: {why}; give both alike")
     time, origin = _seconds(read, own)
-    values = read.columns[key]
-    if isinstance(signal, Position) and (period := signal.period(context)) is not None:
-        seen = np.isfinite(values)
-        values = values.copy()
-        values[seen] = np.unwrap(values[seen], period=period / abs(signal.factor("position", context)))
+    values = _unwrapped(read.columns[key], signal, context)
     with naming(f"{source[1]}: {name}"):
         onto = brought_to(np.asarray(table.time), time + (origin - table.origin) / 1e9, values, gap)
-    samples, outside = int(np.isfinite(values).sum()), int(np.isnan(onto).sum())
-    message = f"{name.capitalize()} has a time of its own, with {samples} samples: interpolated, and missing in {outside} rows."
-    note = Finding("own-time", NOTE, message, {"samples": samples, "outside": outside})
+    note = _own_time(name, values, onto)
     notes = (*table.notes, note, *(n for n in read.notes if signal.file is not None and n not in table.notes))
     kept = Key(signal.column, signal.index, file=signal.file)
     digest = table.sha256 if signal.file is None else _together([table.sha256, read.sha256])
