@@ -165,6 +165,7 @@ BAD = [
     *bad("steps of no time", READ, "data.csv: time spans 0 s to 3e-19 s in steps of 1e-19 s", ramp([0, 1e-19, 2e-19, 3e-19], [1, 2, 3, 4])),
     *bad("inertia that drowns the torque", FIT, "data.csv: an inertia of 1e+29 takes", whole_joint("", "inertia: 1e29 kg*m**2\n")),
     *bad("output below a file", [("report", "e.yaml", "-o", "data.csv/out")], "data.csv/out", patch=undrawn),
+    *bad("draft of an experiment file", [("new", "e.yaml")], "e.yaml: is an experiment file, which is identified as it is; expected logs"),
     *bad("output is a folder", [("identify", "e.yaml", "-o", "out"), ("new", "data.csv", "-o", "out")], "out: is ", {"out": FOLDER}),
     *bad("output is the log", [("identify", "e.yaml", "-o", "data.csv")], "data.csv: is there already"),
     *bad("torque of the wrong sign", FIT, "e.yaml: the torque opposes the velocity", yaml_with("tau, unit: N*m", "tau, unit: N*m, scale: -1")),

@@ -154,9 +154,9 @@ def read_columns(
     time, origin = (None, 0) if signals.time is None else _seconds(table, signals.time)
     table = replace(table, time=time, origin=origin)
     if keys.keys() - apart.keys() > {"time"}:
-        table = _on_rows_of_slowest(
-            table, signals, {x: key for x, key in keys.items() if x not in apart}, cleaning_gap, context
-        )
+        own = {name: key for name, key in keys.items() if name not in apart}
+        with naming(source[1]):
+            table = _on_rows_of_slowest(table, signals, own, cleaning_gap, context)
     for name, signal in apart.items():
         if signals.time is None:
             raise InputError(f"{source[1]}: {name} has a time of its own, and the run has none; give signals.time")

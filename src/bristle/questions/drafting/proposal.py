@@ -39,6 +39,10 @@ def draft_of_logs(
     """
     tell = teller(progress, 3)
     tell("reading the logs")
+    if own := [x for x in files if x.suffix.lower() in (".yaml", ".yml")]:
+        raise InputError(
+            f"{own[0]}: is an experiment file, which is identified as it is; expected logs to draft one from"
+        )
     if files[0].suffix.lower() == ".urdf":
         of_one = (x.name for x in fields(told) if x.name not in OF_ROBOTS)
         if given := [name for name in of_one if getattr(told, name) not in (None, False, ())]:
