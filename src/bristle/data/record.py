@@ -49,6 +49,7 @@ class Record:
     lines: NDArray[np.intp] | None = None  # line of each sample in a text file, from 1, (n,); None where not known
     fine: "Record | None" = None  # all samples of a run of which this holds means; None: all are here
     filled: NDArray[np.bool_] | None = None  # samples that fill a gap, without a torque, (n,); None: none
+    step: float = field(init=False, default=float("nan"))  # median sampling interval, s; nan for a single sample
 
     def __post_init__(self) -> None:
         """Copy, freeze and check every array."""
@@ -57,8 +58,10 @@ class Record:
         object.__setattr__(self, "time", time)
         if time.ndim != 1 or time.size == 0:
             raise InputError(f"{self.file}: time has shape {time.shape}; expected one column with at least one row")
-        if not (np.isfinite(time).all() and (np.diff(time) > 0).all()):
+        steps = np.diff(time)
+        if not (np.isfinite(time).all() and (steps > 0).all()):
             raise InputError(f"{self.file}: time must be finite and increase strictly from sample to sample")
+        object.__setattr__(self, "step", float(np.median(steps)) if steps.size else float("nan"))
         for name in SIGNALS:
             value = getattr(self, name)
             if value is None:
@@ -75,11 +78,6 @@ class Record:
         first, last = (start + 1, stop) if self.lines is None else (int(self.lines[start]), int(self.lines[stop - 1]))
         word = "row" if self.lines is None else "line"
         return f"{word} {first}" if first == last else f"{word}s {first}-{last}"
-
-    @property
-    def step(self) -> float:
-        """Median sampling interval, s; nan for a single sample."""
-        return float(np.median(np.diff(self.time))) if self.time.size > 1 else float("nan")
 
     def decimation(self, asked: int) -> int:
         """Samples per equation, if `asked` are those of the slowest run: all are equally far apart in time."""

@@ -24,6 +24,7 @@ from bristle.identification.fits import Crosscheck, Estimate, Presliding, Static
 from bristle.identification.known_joint import chosen
 from bristle.identification.law_comparison import (
     WITH_DRAG,
+    brakes,
     fitted_law,
     law_warnings,
     laws_of_motion,
@@ -51,8 +52,8 @@ from bristle.identification.settling import without_settling
 from bristle.identification.static.fit import fit_moving, fit_points, reconcile_static
 from bristle.identification.static.set_up import directions_of_points, trial_of_motion, trial_of_points
 from bristle.identification.static.strays import refit
-from bristle.model.laws.registry import AUTO, PAPER, law_named
-from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, of_load, slides, unit
+from bristle.model.laws.registry import AUTO, PAPER
+from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, slides, unit
 from bristle.progress import Progress, step
 
 _WIDER, _LESS = (1.6, 2.5, 4.0), 0.9  # factors on the low pass, and the ratio of residuals that shows it was too narrow
@@ -138,11 +139,20 @@ class _Decisions:
 
     def _take(self, measured: Measured, most: float = np.inf) -> bool:
         """Fit again; keep it if the moving runs' residuals are at most `most` times as large. Whether it was kept."""
+        if most < np.inf and self._left_on(measured) > most:
+            return False
         again, before = self._again(measured), self.joint.moving
         if most < np.inf and (before is None or again.moving is None or again.moving.rms > most * before.rms):
             return False
         self.measured, self.joint = measured, again
         return True
+
+    def _left_on(self, measured: Measured) -> float:
+        """RMS of the residuals of other records over those in force, moving runs descended from their last minimum; inf without any."""
+        if (alone := self.joint.tracking) is None:
+            return float("inf")
+        left = refitted(measured, alone, directions(measured.experiment, measured.moving(hold_out=False))).residuals
+        return float(np.sqrt(np.mean(left**2))) / alone.rms
 
     def _directions(self) -> None:
         """Choose directions of points by BIC; moving runs in both directions begin with one friction."""
@@ -180,7 +190,7 @@ class _Decisions:
         self.laws = laws
         if laws is not None and term_that_pays(fit, laws) == WITH_DRAG:
             dragged = with_options(measured, law=WITH_DRAG)
-            if all(_brakes(x.problem.named(refit(x.problem.rows(x.kept)).theta)) for x in dragged.searches):
+            if all(brakes(x.problem.named(refit(x.problem.rows(x.kept)).theta)) for x in dragged.searches):
                 self.measured = dragged
                 return
         if fit.law == AUTO:
@@ -239,17 +249,14 @@ class _Decisions:
 
     def _low_pass(self) -> None:
         """Take a wider low pass if residuals fall by a tenth: the narrower one then filtered out part of the motion."""
-        measured, alone, found = self.measured, self.joint.tracking, None
-        experiment = measured.experiment
-        if experiment.fit.position_cutoff is not None or alone is None:
+        found, most = None, _LESS
+        if self.measured.experiment.fit.position_cutoff is not None or self.joint.tracking is None:
             return
-        sides = directions(experiment, measured.moving(hold_out=False))
         for factor in _WIDER:
-            wide = with_wider_low_pass(measured, factor)
-            left = refitted(wide, alone, sides).residuals
-            if np.linalg.norm(left) > (1.0 if found else _LESS) * np.sqrt(left.size) * alone.rms:
+            wide = with_wider_low_pass(self.measured, factor)
+            if not self._left_on(wide) <= most:
                 break
-            found = wide
+            found, most = wide, 1.0
         if found is not None:
             self._take(found)
 
@@ -258,10 +265,10 @@ class _Decisions:
         every = self.asked_law == AUTO
         self.laws, ends = laws_of_motion(self.measured, alone, every=every)
         term = None if self.laws is None else term_that_pays(self.measured.experiment.fit, self.laws)
-        if self.laws is not None and term is not None:
+        if self.laws is not None and term is not None and brakes(ends[term]):
             more = with_options(self.measured, law=term)
             again = self._identified(more, ends[term])
-            if again.tracking is not None and _brakes(again.tracking.known):
+            if again.tracking is not None and brakes(again.tracking.known):
                 self.measured, self.joint = more, again
         for _ in range(_CHOICES if every else 0):
             if self.laws is None or self.joint.tracking is None:
@@ -422,12 +429,6 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     higher = -more if apart else more
     how = "worse" if higher >= 0 else f"better, by less than {GAIN:g}"
     return f"{took}; {left} fits {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"
-
-
-def _brakes(values: Mapping[ParameterName, float]) -> bool:
-    """Whether v abs(v) and a rise with load brake in every direction."""
-    drag = law_named(WITH_DRAG).coefficients
-    return all(x > 0 for name, x in values.items() if name.name in drag or of_load(name.name))
 
 
 def _training(measured: Measured) -> tuple[Record, ...]:

@@ -35,15 +35,14 @@ from bristle.identification.static.problem import Regression
 from bristle.identification.static.profiles import with_best_shape
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
-from bristle.model.laws.registry import LOADS, competing
-from bristle.model.parameters import INERTIA, ParameterName, in_direction
+from bristle.model.laws.registry import LOADS, competing, law_named
+from bristle.model.parameters import INERTIA, ParameterName, in_direction, of_load
 
 WITH_DRAG = "gaussian+quadratic"  # the paper's law with v abs(v)
 _WORTH = 1.05  # ratio of left-out errors by which a term is taken unasked
 _MOSTLY = float(np.sqrt(2))  # the same of a load, which a delayed torque imitates
 _STEPS = 40  # most iterations of a fit
 _ENOUGH = 0.05  # of n' log(RSS): a smaller gain ends a fit
-_ROUGH = 4.0  # factor on the distance of nodes
 _BRISTLE = ("sigma_0", "sigma_1")
 _START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
 """Where terms begin that the law in force does not have: shares of alpha_0, of the fastest speed, of the load."""
@@ -166,8 +165,7 @@ def _fitted_to_motion(
     }
     middle = {ParameterName(own.name, d): own.middle for d, own in product(whole.directions, law.peak.own)}
     known = {**whole.fixed, **middle, **{name: x for name, x in held.items() if name in whole.friction_names}}
-    motions = tuple(replace(m, coarsening=_ROUGH) for m in whole.motions)
-    problem = replace(whole, fixed=known, motions=motions)
+    problem = replace(whole, fixed=known).rough()
     if problem.size <= len(problem.names) + 1:
         return None
     # values of the other law, with a small peak if it has none, zero new terms, inertia >= 0
@@ -188,6 +186,12 @@ def _fitted_to_motion(
         return None
     values = posed.unknowns.values(minimum.x)
     return _MovingLaw("+".join((law.name, *load)), law, problem, values, minimum, posed.unknowns)
+
+
+def brakes(values: Mapping[Any, float]) -> bool:
+    """Whether v abs(v) and a rise with load, of values by name, brake in every direction."""
+    drag = law_named(WITH_DRAG).coefficients
+    return all(x > 0 for name, x in values.items() if name.name in drag or of_load(name.name))
 
 
 def fitted_law(fit: FitOptions) -> str:

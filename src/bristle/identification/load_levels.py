@@ -31,9 +31,9 @@ class Load(NamedTuple):
     columns: Array  # Signals that the weights multiply, (N, k)
     known: Array  # Torque of the links without a coefficient, N*m, (N,)
 
-    def at(self, samples: slice) -> "Load":
-        """The load of some samples."""
-        return self._replace(motor=self.motor[samples], columns=self.columns[samples], known=self.known[samples])
+    def through(self, change: Callable[[Array], Array]) -> "Load":
+        """The load of some samples, or of means of them: after a change of every signal, (N, ...)."""
+        return self._replace(motor=change(self.motor), columns=change(self.columns), known=change(self.known))
 
     def by(self, values: Mapping[str, float]) -> tuple[Array, Array]:
         """The signal that each of `levels` multiplies, (m, N), and its derivative by each weight, (m, k, N)."""

@@ -161,8 +161,8 @@ def solve_dynamic(
     *,
     search: bool = True,
 ) -> MultistartSolution[Unknown]:
-    """The lowest minimum from `others`, a start and those of a `search`."""
-    begins = [*others, with_deflections(problem, start)]
+    """The lowest minimum from `others`, a start, unless it is empty, and those of a `search`."""
+    begins = [*others, *(with_deflections(problem, x) for x in [start] if x)]
     if search and len(problem.directions) == len(SIGNED):
         one = _with_one_friction(problem)
         found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)

@@ -130,6 +130,14 @@ def _settled(
     """The problem with its run weights, its solution, reasons of dropped Stribeck terms, and doubts on kept ones."""
     if problem.size < FEWEST * len(problem.names):  # too few to estimate anything
         search, others = False, ()
+    dropped, shown = dict[ParameterName, Finding](), dict[ParameterName, str]()
+    if (rough := problem.rough()) is not problem:  # all of it over means of samples, then the whole problem once
+        rough, found, dropped, shown = _settled(rough, start, others, progress, search=search)
+        pairs = zip(problem.motions, rough.motions, strict=True)
+        motions = tuple(replace(m, weight=other.weight) for m, other in pairs)
+        problem = replace(problem, fixed=rough.fixed, motions=motions)
+        solution = solve_dynamic(problem, {}, [found.values], search=False)._replace(starts=found.starts, reached=found.reached)
+        return problem, solution, dropped, shown
     solution = solve_dynamic(problem, start, others, progress, search=search)
     # weights for runs with different scatter
     _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
@@ -140,7 +148,6 @@ def _settled(
         motions = tuple(replace(m, weight=weights[k]) for m, k in zip(problem.motions, run, strict=True))
         problem = replace(problem, motions=motions)
         solution = solve_dynamic(problem, without_deflections(solution.values), progress=progress, search=search)
-    dropped, shown = dict[ParameterName, Finding](), dict[ParameterName, str]()
     while more := _not_shown(problem, solution, shown):
         held = {name: value for name, (value, _) in more.items()}
         without = replace(problem, fixed={**problem.fixed, **held})

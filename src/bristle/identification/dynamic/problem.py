@@ -1,8 +1,9 @@
 """The moving problem: the measured velocity drives LuGre, which must explain the measured torque."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from operator import itemgetter
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -35,6 +36,7 @@ class InitialState(NamedTuple):
 
 Unknown = ParameterName | InitialState
 Values = Mapping[Any, float]  # of parameters, or of every unknown
+_ROUGH = 4.0  # factor on the distance of nodes, where a hundredth of friction is near enough
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +76,24 @@ class Motion:
         """`smoothed`, times the weight."""
         return self.weight * self.smoothed(values)
 
+    def rough(self) -> "Motion":
+        """Means of samples, five an equation or more, and fewer nodes between: for a search, or what is small anyhow."""
+        count = 1 if self.smooth is None else self.time.size // (5 * self.size)
+        if self.smooth is None or count < 2:
+            return replace(self, coarsening=_ROUGH)
+        edges = np.arange(0, self.time.size, count)
+        share = np.diff(edges, append=self.time.size)
+
+        def means(x: Array) -> Array:
+            return np.add.reduceat(x, edges, axis=0) / share.reshape(-1, *[1] * (x.ndim - 1))
+
+        arrays = {name: means(getattr(self, name)) for name in ("time", "velocity", "torque", "extra", "measured")}
+        of_mean = sparse.csr_array((np.ones(self.time.size), np.repeat(np.arange(edges.size), share), np.arange(self.time.size + 1)))
+        return replace(
+            self, **arrays, position=means(self.position) if self.position.size else self.position, smooth=self.smooth @ of_mean, coarsening=_ROUGH,
+            shifts={}, load=None if self.load is None else self.load.through(means),
+        )
+
 
 @dataclass(frozen=True, slots=True)
 class Prior:
@@ -102,6 +122,12 @@ class DynamicProblem:
     cutoff: float = 0.0  # Of the low pass of the motion, Hz, or 0
     stribeck: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"  # As `fit.model`
     given: tuple[str, ...] = ()  # As in `Regression`
+
+    def rough(self) -> "DynamicProblem":
+        """The same over means of samples; a rough one is itself."""
+        if any(m.coarsening != 1 for m in self.motions):
+            return self
+        return replace(self, motions=tuple(m.rough() for m in self.motions))
 
     @property
     def friction_names(self) -> tuple[ParameterName, ...]:
@@ -224,7 +250,7 @@ def dynamic_problem(
                     measured=record.torque[part],
                     position=np.zeros(0) if record.position is None else record.position[part],
                     shifts={name: shift[part] for name, shift in record.torque_shifts.items()},
-                    load=None if load is None else load.at(part),
+                    load=None if load is None else load.through(itemgetter(part)),
                 )
             )  # fmt: skip  # a list of values
     fastest = dict[ParameterName, float]()
