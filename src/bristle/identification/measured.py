@@ -19,9 +19,10 @@ from bristle.data.sampling import averaged, with_motion
 from bristle.data.signal_checks import merged
 from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError, short, short_list
+from bristle.estimation.levels import ONE_RATE
 from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.fits import Estimate
-from bristle.identification.moving_runs import ONE_RATE, load_columns, longest_decimation, needed, terms_of, transient
+from bristle.identification.moving_runs import load_columns, longest_decimation, needed, terms_of, transient
 from bristle.identification.static.points import PointSearch, point_regressors, search_points, without_strays
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from scipy.optimize import lsq_linear
 
 from bristle.arrays import Array
 from bristle.data.record import Record
+from bristle.estimation.levels import ALIKE
 
 BANDWIDTH, ABOVE = 0.999, 12.0  # share of the position's power within its bandwidth, and the low pass over it
 SLOWEST, BLOCKS, SAMPLES = 0.03, 10, 4000  # of the greatest speed; blocks in time, of few runs; equations
 SHARES = (0.03, 0.06, 0.12, 0.25)  # of the greatest speed: v_s of the peaks tried
 HUBER, PASSES = 1.5, 5
-ALIKE = 50.0  # condition number of set-ups whose columns are too similar
 SHAPES = ("", "peak", "quadratic")
 
 

@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.estimation.levels import SIGNIFICANCE
+from bristle.estimation.levels import ONE_STRAY_IN, SIGNIFICANCE
 from bristle.identification.static.grid import Projected, Solution, default_range, solve
 from bristle.identification.static.problem import Regression, log_grid
 
-SHARE = 8
-"""At most one stray in so many points, or two of few."""
 _GRIDS = {1: 96, 2: 24}  # values of v_s by number of peaks
 SINGLY = 1000  # points up to which strays are left out one by one
 _ALIKE = 0.25  # of the largest fall of the cost: of many points, others above it are left out together
@@ -52,7 +50,7 @@ def find_strays(problem: Regression) -> StraySearch:
 def most_strays(problem: Regression) -> int:
     """Largest number of strays of a problem."""
     n = problem.torque.size
-    return max(n // SHARE, 2 if n >= 2 * len(problem.names) + 2 else 0)
+    return max(n // ONE_STRAY_IN, 2 if n >= 2 * len(problem.names) + 2 else 0)
 
 
 def _significant(problem: Regression) -> list[int]:
