@@ -11,14 +11,12 @@ from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps
 from bristle.data.encoder import smallest_step
 from bristle.data.record import SIGNALS, Record
+from bristle.estimation.levels import BRIDGED, BRIDGED_NOISE, DEVIATIONS, LONGEST_BRIDGE, UNEVEN
 from bristle.findings import NOTE, Finding
 
-UNEVEN = 0.05  # of a sampling interval, standard deviation: less of it hides nothing
 BLOCK = 100  # samples that tell the noise of the position
-DEVIATIONS = 4.0  # standard errors by which something is surely not zero: 6e-5 of clean records
 _MANY = 10.0  # times the samples that there are: more are not made, where gaps are declared to be none
-_LONGEST, _FEW, _PLACES = 200, 4, 30  # samples of a bridged gap; least on either side; places at which it is tried
-_WELL, _NOISE = 0.01, 1.5  # share of the motion, or times the noise, that the bridge of a gap may be off
+_FEW, _PLACES = 4, 30  # least samples on either side of a bridged gap; places at which the bridge is tried
 
 
 def evenly_sampled(record: Record, apart: Collection[int] = ()) -> Record:
@@ -59,7 +57,7 @@ def _bridged(record: Record, apart: Collection[int]) -> Record:
         return record
     name, values = next(iter(motion.items()))
     most = 0
-    for n in np.unique(missing[(missing > 0) & (missing <= _LONGEST)]).tolist():
+    for n in np.unique(missing[(missing > 0) & (missing <= LONGEST_BRIDGE)]).tolist():
         if not _can_bridge(record, values, n, is_position=name == "position"):
             break
         most = n
@@ -118,7 +116,7 @@ def _can_bridge(record: Record, values: Array, n: int, *, is_position: bool) -> 
         noise.append(np.mean(left[out] ** 2))
     does = n * np.diff(values) if is_position else values
     error, typical = float(np.sqrt(np.mean(errors))), float(np.median(np.abs(does)))
-    return error <= max(_WELL * typical, _NOISE * float(np.sqrt(np.mean(noise))))
+    return error <= max(BRIDGED * typical, BRIDGED_NOISE * float(np.sqrt(np.mean(noise))))
 
 
 def _counted(position: Array, near: Array | float, count: float) -> Array:

@@ -28,6 +28,25 @@ FACTOR = 1.5  # ratio from which reaches of intervals, errors of fits, residuals
 MUCH_WORSE = 2.0  # ratio of residuals, of two fits or two parts of one: the worse one is wrong
 NEED = 10.0  # percent of friction: the required accuracy by default
 
+# Logs
+GAP = 5.0  # median intervals: nothing is interpolated or filtered across a longer one, by default
+UNEVEN = 0.05  # of a sampling interval, standard deviation: less of it hides nothing
+LONGEST_BRIDGE, BRIDGED, BRIDGED_NOISE = 200, 0.01, 1.5  # samples of a bridged gap, share of motion or noise it is off
+SHORTEST = 16  # samples of a segment between gaps: fewer cannot be filtered
+JUMP = 10.0  # standard deviations of a step: noise of steps goes no further
+HELD_READING = 3  # times that a reading repeats, and counts by which it then catches up: a held one, no rest
+SAME_FACTOR = 0.05  # by which two statements of a count, rate or gear differ at most: all are known better than that
+KNOWN_FACTOR = 0.01  # within which a larger factor is a known one, as of another unit
+NEAR_COUNTS = 50.0  # counts: steps up to here tell the count; beyond, rounding in the log adds up
+POWER_OF_TWO, COARSEST = (
+    5e-5,
+    256,
+)  # of counts a turn: random ones, in three other units, are so near once in 2000 times
+PILED, PILED_BESIDE = 4.0, 3  # clipped: the extreme is taken 4 times as often as any of the 3 levels next to it
+UNSIGNED, UNSIGNED_TURNS = 200, 4  # samples, and turns, that show that a torque has no sign
+INERTIA_STANDS = (0.003, 0.25)  # of the inertia, of its standard error: by which a lower cut-off must raise it
+JOINT_RESTS = 1e-3  # rad or m: a joint that goes no further rests
+
 # A fit, and the choice of its model
 WIDE = 0.5  # relative standard error beyond which a parameter is not identifiable
 VAGUE = 0.3  # relative standard error of a displacement beyond which a presliding curve has fewer knots
@@ -57,6 +76,12 @@ PATTERN_EQUATIONS, INDEPENDENT = 300, 30  # equations, and independent ones, who
 RESOLVED = 5  # samples while a motion passes the bristle's deflection: fewer do not show its stiffness
 
 # Points at constant velocity
+HOLDS, LOADS = 0.79, 0.7  # shares of motion, of loading: with less a run tells more as a tracking run
+LOADS_ALONE = 0.9  # share of loading from which a run needs no other runs
+HELD_SPEEDS = 4  # speeds held in all: points of fewer tell hardly more than a level
+PLATEAU_BLOCKS = 6  # blocks in a plateau: enough to tell a drift from noise
+SHORT_PLATEAU = 0.25  # of the typical plateau: what is shorter in time and in travel is a piece of something else
+HOLD_SAMPLES = 5.0  # independent samples of velocity and torque of a plateau: fewer give no mean
 ONE_SPEED = 1.25  # ratio of fastest to slowest speed below which they count as one: no slope is known
 ONE_STRAY_IN = 8  # points per stray at most, or two strays of few points: more are no exception
 STRAYS, NEIGHBOURS = 0.1, 3  # share of strays, and strays in a row, from which they are a feature of the curve
@@ -84,6 +109,12 @@ BURST, BURST_IN = 0.25, 0.01  # share of squares in so few equations: 0.08 for n
 NEARLY_ALL, NOISE_ADDS = 0.99, 1.1  # share of readings below a saturation, and ratio by which noise exceeds it
 
 # Slow loading
+LARGEST_BEND = {"revolute": 0.1, "prismatic": 0.005}  # rad, m: no bristle bends further
+PROMINENT, CLOSED = (
+    0.1,
+    0.1,
+)  # of the range of torque: a smaller turn is none; ends of a closed cycle are no further apart
+ONSET = 10.0  # times the speed of the first half of loading: sliding; a tenth below g0 LuGre's creep is as fast
 REACH, NEAREST = 0.8, 0.97  # of g0: log(1 - T / g0) amplifies noise of T above; noise above the second is cut off
 SOFTER = 0.05  # fall of the stiffness beyond LuGre's: viscous torque and filters cause less
 OUTLIER = 0.2  # relative distance from the median breakaway torque

@@ -14,12 +14,11 @@ from bristle.data.differentiation import estimate_motion, usable, without_short_
 from bristle.data.experiment.constants import ONE
 from bristle.data.experiment.load import Experiment, Run, in_own_unit, load_experiment, read_runs
 from bristle.data.record import Record
-from bristle.data.run_kinds import FEWEST
 from bristle.data.sampling import averaged, with_motion
 from bristle.data.signal_checks import merged
 from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError, short, short_list
-from bristle.estimation.levels import ONE_RATE
+from bristle.estimation.levels import HELD_SPEEDS, ONE_RATE
 from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import load_columns, longest_decimation, needed, terms_of, transient
@@ -107,7 +106,7 @@ def measure(experiment: Experiment | Path | str) -> Measured:
         experiment = in_own_unit(experiment, experiment.fit.regressors)
     measured = measured_of(experiment, runs)
     held, logged = len(measured.points(hold_out=False)), all(run.record.position is not None for run in runs)
-    if held >= FEWEST or not logged or {run.kind for run in runs if not run.hold_out} != {"ramp"}:
+    if held >= HELD_SPEEDS or not logged or {run.kind for run in runs if not run.hold_out} != {"ramp"}:
         return measured
 
     # too few constant velocities for points: taken as a motion

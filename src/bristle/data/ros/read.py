@@ -14,9 +14,9 @@ from bristle.data.ros.bag import digest_of, topics_of
 from bristle.data.ros.definitions import fields_of
 from bristle.data.ros.names import JOINT_STATE, NO_STAMP, RECEIVED, STAMP, FieldPath, listed, numbers_of, path_of
 from bristle.errors import InputError, short_list
+from bristle.estimation.levels import GAP
 from bristle.findings import NOTE, Finding
 
-_GAP = 5  # median intervals: nothing is interpolated across a longer one, as `cleaning.gap` has it by default
 _LISTED = 60  # columns of a topic that are listed
 
 
@@ -61,7 +61,7 @@ def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tu
             at, own = _stamps(read[base.topic][0], base), _stamps(values, clocks[p.topic])
             origin, order = int(at.max()), np.argsort(own, kind="stable")
             try:
-                columns[key] = brought_to(_seconds(at, origin), _seconds(own[order], origin), values[p][order], _GAP)
+                columns[key] = brought_to(_seconds(at, origin), _seconds(own[order], origin), values[p][order], GAP)
             except InputError as error:
                 raise InputError(f"{p.topic}: {error}") from error
 

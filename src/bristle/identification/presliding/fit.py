@@ -8,10 +8,10 @@ import numpy as np
 from bristle.data.bandwidth import of_slow_loading
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.data.slow_loading import ONSET, Loading, find_all_loadings, find_loops
+from bristle.data.slow_loading import Loading, find_all_loadings, find_loops
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import FEW, OUTLIER, REACH, SURE
+from bristle.estimation.levels import FEW, ONSET, OUTLIER, REACH, SURE
 from bristle.findings import CAUTION, NOTE, Finding, in_direction, in_units, unit_of
 from bristle.identification.fits import Estimate, Presliding, PreslidingFit, Uncertainty
 from bristle.identification.presliding.softening import softening, with_most
