@@ -1,7 +1,6 @@
 """Levels of tests, and limits from which a finding is reported, a model chosen or data left out.
 
-Each is the default of an argument, or is read where a function applies several. Tolerances of rounding, grids and the
-numbers of iterations stand beside the code that uses them.
+Each is the default of an argument, or read where a function applies several. Tolerances and grids are beside their code.
 """
 
 # Tests
@@ -48,8 +47,7 @@ INERTIA_STANDS = (0.003, 0.25)  # of the inertia, of its standard error: by whic
 JOINT_RESTS = 1e-3  # rad or m: a joint that goes no further rests
 
 # A fit, and the choice of its model
-WIDE = 0.5  # relative standard error beyond which a parameter is not identifiable
-VAGUE = 0.3  # relative standard error of a displacement beyond which a presliding curve has fewer knots
+WIDE, VAGUE = 0.5, 0.3  # relative standard errors: a parameter is not identifiable; a presliding curve has fewer knots
 HARDLY_SEEN = 1e-2  # of the largest singular value: directions below are hardly seen
 ALIKE = 50.0  # condition number of set-ups whose columns are too similar
 USELESS = 100.0  # percent of friction: the error of no model
@@ -63,25 +61,24 @@ OPINIONS_APART = 5.0  # percent of friction: a second opinion that differs by le
 SLOWEST_SHOWN = 5  # equations: from the speed of the fifth slowest on, moving runs show the curve
 ONE_RUN = 10.0  # ratio of standard errors without a run from which that run alone determines the parameter
 LATEST_DELAY = 0.05  # s, of a log; a larger one stands for another term, such as friction that rises with load
-BIAS_UNSURE = 0.5  # standard errors: a bias by encoder counts that may change by more is not corrected
+BIAS_UNSURE, NAMED_BIAS = 0.5, 0.1  # standard errors of a bias by counts: less sure, not corrected; smaller, not named
 
 # Least numbers
 FEW, ENOUGH = 8, 20  # blocks, points, count edges: fewer give no scatter; below the second, no ratio and no tail
 EQUATIONS_EACH = 2  # equations per unknown of a fit
 SPARE_POINTS = 4  # points beyond the parameters for a comparison by BIC
 SAMPLES_EACH = 4  # samples per column for a test of a relation
-TREND_POINTS = 5  # points for an order in time, holds for a drift: any order of fewer is common
+SEVERAL = 5  # points, holds, joints of a type, independent samples: fewer show no order, no drift and no spread
 JACKKNIFE_RUNS = 3  # runs for a jackknife: two give one difference
 PATTERN_EQUATIONS, INDEPENDENT = 300, 30  # equations, and independent ones, whose patterns are judged
 RESOLVED = 5  # samples while a motion passes the bristle's deflection: fewer do not show its stiffness
 
-# Points at constant velocity
+# Motions: constant velocities, then others
 HOLDS, LOADS = 0.79, 0.7  # shares of motion, of loading: with less a run tells more as a tracking run
 LOADS_ALONE = 0.9  # share of loading from which a run needs no other runs
 HELD_SPEEDS = 4  # speeds held in all: points of fewer tell hardly more than a level
 PLATEAU_BLOCKS = 6  # blocks in a plateau: enough to tell a drift from noise
 SHORT_PLATEAU = 0.25  # of the typical plateau: what is shorter in time and in travel is a piece of something else
-HOLD_SAMPLES = 5.0  # independent samples of velocity and torque of a plateau: fewer give no mean
 ONE_SPEED = 1.25  # ratio of fastest to slowest speed below which they count as one: no slope is known
 ONE_STRAY_IN = 8  # points per stray at most, or two strays of few points: more are no exception
 STRAYS, NEIGHBOURS = 0.1, 3  # share of strays, and strays in a row, from which they are a feature of the curve
@@ -90,8 +87,6 @@ IN_ORDER = 0.9  # rank correlation of speed and time from which they are confoun
 CORRECTED = 0.2  # standard errors of a point: smaller corrections for settling are not made
 ON_THE_WAY = 0.1  # of a hold's speed: the way to the hold counts from so near on
 STRAIGHT = 2.0  # of a hold's largest distance from its line: so straight a way before the hold moves as fast
-
-# Moving runs
 AT_REST = 0.01  # of the total way: less in a direction is rest
 SWING = 0.1  # rad: over less, gravity cannot be told from a spring and a constant
 ONE_RATE = 1.05  # ratio of sampling intervals that counts as one
@@ -120,12 +115,21 @@ SOFTER = 0.05  # fall of the stiffness beyond LuGre's: viscous torque and filter
 OUTLIER = 0.2  # relative distance from the median breakaway torque
 
 # Robots
-BEYOND_LIMIT = 0.01  # rad or m, or share of a speed, beyond a limit: rounding of limits and readings is less
-SAMPLES_BEYOND = 0.0005  # share of samples beyond a limit that is noise
+BEYOND_LIMIT, SAMPLES_BEYOND = 0.01, 0.0005  # of a limit: rad, m or share of a speed; share of samples: less is noise
 PEAK_EFFORT, NO_DRIVE = 1.5, 5.0  # of the URDF's effort: a peak, and more than any drive has
 LINK_TORQUE = 0.05  # of a joint's torque: smaller link torques are not reported
 LINKS_OFF = 0.1  # errors of the links' scale below are those of URDF masses
 ORDER_BETTER = 0.5  # fall of the sum of log(relative error) by which another order of joints is right
 
-# References
+# Sessions, fleets and other questions
+LEAST_JOINTS = 10  # joints of a type for a shift common to them
+BASELINE = 3  # first sessions of a joint, without a change: fewer show no scatter
+TESTED_FREEDOM, FEW_FREEDOM = 1.5, 10.0  # degrees of freedom of the scatter over sessions: for a test; for no note
+CLEAR = 2.0  # standard errors of the median of a parameter: one consistent with zero is not compared
+ONE_RATIO = 0.5  # of their mean: relative changes of a smaller range are one ratio, as of a torque constant
+MIXED, MIXED_HOLDS = 0.25, 0.5  # of a run's motion, of holds with moves between them: more of another kind is reported
+FINE_ENOUGH = 0.1  # of the statistical error of v_s: what a fine grid adds, which widens it by 0.5 %
+MOST_DECLINED = 0.5  # share of data sets without a finite interval beyond which v_s is not identifiable
+WORSE_LOOP, DIVERGED = 1.1, 10.0  # RMS tracking error: ratio at which two differ; amplitudes of a loop that diverges
+CYCLE_SWINGS, CYCLE_COUNTS, CYCLE_BEND = 4, 3.0, 0.02  # limit cycle: swings; width in counts, in bristle deflections
 FASTER = 30.0  # largest speed of a reference over the fastest measured: the law is extrapolated so far at most

@@ -13,7 +13,7 @@ from bristle.data.experiment.signals import Seconds, Speed
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation, standard_error
-from bristle.estimation.levels import HOLD_SAMPLES, SHORT_PLATEAU
+from bristle.estimation.levels import SEVERAL, SHORT_PLATEAU
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
 
@@ -189,9 +189,9 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> Finding | None:
         asked = f"segments.minimum_duration requires {t.minimum_duration:.3g} s"
     elif e.torque_error is None:
         asked = "fewer than two of its torque samples are independent"
-    elif e.samples < HOLD_SAMPLES * e.correlation:
-        least = HOLD_SAMPLES * e.correlation * e.duration / e.samples
-        asked = f"{HOLD_SAMPLES:g} independent samples require {least:.3g} s"
+    elif e.samples < SEVERAL * e.correlation:
+        least = SEVERAL * e.correlation * e.duration / e.samples
+        asked = f"{SEVERAL:g} independent samples require {least:.3g} s"
     elif e.duration < SHORT_PLATEAU * usual.duration and abs(e.velocity) * e.duration < SHORT_PLATEAU * usual.distance:
         duration, travel = SHORT_PLATEAU * usual.duration, SHORT_PLATEAU * usual.distance
         asked = f"a quarter of this run's typical plateau, {duration:.3g} s or {travel:.3g} of travel, is required"

@@ -13,14 +13,7 @@ from bristle.estimation.levels import EQUATIONS_EACH, START_WORTH
 from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_starts
 from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknowns, minimise
 from bristle.identification.dynamic.claims import asked_peak
-from bristle.identification.dynamic.problem import (
-    DynamicProblem,
-    InitialState,
-    Unknown,
-    Values,
-    parameters,
-    residuals,
-)
+from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Unknown, Values, parameters, residuals
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, ParameterName, in_direction, least_of, of_load
 from bristle.progress import Progress

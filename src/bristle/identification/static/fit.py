@@ -39,15 +39,7 @@ from bristle.identification.static.solution import StaticSolution, other_fit, so
 from bristle.identification.static.strays import most_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
-from bristle.model.parameters import (
-    Direction,
-    Kind,
-    ParameterName,
-    of_curve,
-    peak_parameters,
-    static_fields_of,
-    unit,
-)
+from bristle.model.parameters import Direction, Kind, ParameterName, of_curve, peak_parameters, static_fields_of, unit
 
 _LISTED = 3  # most points named in a warning
 _LOGARITHMIC = ("v_s",)  # widened as logarithms

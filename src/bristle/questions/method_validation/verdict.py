@@ -4,9 +4,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from bristle.estimation.levels import FINE_ENOUGH
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.static.grid import PLAIN_GRID
-from bristle.questions.method_validation.results import FINE_ENOUGH, FREE, SAME_COST, CaseResult, Validation
+from bristle.questions.method_validation.results import FREE, SAME_COST, CaseResult, Validation
 from bristle.questions.method_validation.run import PLAIN_GRIDS, POLISHED, REFINED
 
 
