@@ -29,19 +29,19 @@ def resolution(experiment: "Experiment", records: Sequence[Record]) -> float:
     return experiment.encoder_resolution or max(steps, default=0.0)
 
 
-def smallest_step(position: Array) -> float:
+def smallest_step(position: Array, few: int = FEW) -> float:
     """The encoder's count, from the steps between readings, in the unit of position; 0 where they keep to no grid."""
     step, multiples = _grid(levels := np.unique(position))
-    return step if multiples.size >= FEW or levels.size <= position.size / 2 else 0.0
+    return step if multiples.size >= few or levels.size <= position.size / 2 else 0.0
 
 
-def _grid(levels: Array) -> tuple[float, Array]:
+def _grid(levels: Array, near_counts: float = NEAR_COUNTS) -> tuple[float, Array]:
     """The step of the grid of readings in rising order, 0 where there is none, and the small multiples of it."""
     if levels.size < 2:
         return 0.0, np.zeros(0)
     steps = np.diff(levels)
     steps = steps[steps > 1e-3 * np.median(steps)]
-    near = steps[steps < NEAR_COUNTS * steps.min()]
+    near = steps[steps < near_counts * steps.min()]
     step = float(near.sum() / np.round(near / np.median(near[near < 1.5 * near.min()])).sum())
     multiples = np.round(near / step)
     return (step if np.abs(near / step - multiples).max() < 0.1 else 0.0), multiples

@@ -210,11 +210,11 @@ def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
     return smoothed(record, values, cutoff, noisy=True) if cutoff < 0.5 / record.step else values
 
 
-def torque_turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def torque_turns(torque: Array, prominent: float = PROMINENT) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Samples of largest and of smallest torque between turns."""
     from scipy.signal import find_peaks
 
-    prominence = PROMINENT * float(np.ptp(torque))
+    prominence = prominent * float(np.ptp(torque))
     if prominence == 0:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
     return find_peaks(torque, prominence=prominence)[0], find_peaks(-torque, prominence=prominence)[0]

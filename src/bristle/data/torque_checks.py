@@ -122,7 +122,7 @@ def _unsigned(record: Record, _: RunKind) -> Finding | None:
     return Finding("torque-unsigned", CRITICAL, message, {"files": (record.file,)}, {"torque": np.inf})
 
 
-def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
+def _loaded_at_start(record: Record, _: RunKind, deviations: float = DEVIATIONS) -> Finding | None:
     """Slow loading whose torque does not begin at zero, by the line through its first samples."""
     if record.torque is None or record.torque.size < _PARTS:
         return None
@@ -134,7 +134,7 @@ def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
     error = np.sqrt(rest @ rest / (first - 2) * of_begins * inflation(rest))
     largest = float(np.abs(record.torque).max())
     # 0.02 of the largest torque of slow loading: what it begins with is told beyond this
-    if abs(begins) <= max(DEVIATIONS * error, 0.02 * largest):
+    if abs(begins) <= max(deviations * error, 0.02 * largest):
         return None
     share = abs(begins) / largest
     message = (
@@ -145,7 +145,7 @@ def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
     return Finding("loaded-at-start", CAUTION, message, {"files": (record.file,), "torque": begins, "share": share})
 
 
-def _dead_zone(record: Record, _: RunKind) -> Finding | None:
+def _dead_zone(record: Record, _: RunKind, piled: float = PILED) -> Finding | None:
     """A torque of a moving joint that is exactly zero far too often where its sign changes."""
     torque, position = record.torque, record.position
     if torque is None or position is None or record.voltage is not None:
@@ -154,7 +154,7 @@ def _dead_zone(record: Record, _: RunKind) -> Finding | None:
     # a dead zone takes at least 5e-4 of the samples, 4 of them, and 4 times as many as any other level
     if zero.sum() < max(5e-4 * torque.size, 4):
         return None
-    if zero.sum() < PILED * np.unique(np.abs(torque[~zero]), return_counts=True)[1].max(initial=0):
+    if zero.sum() < piled * np.unique(np.abs(torque[~zero]), return_counts=True)[1].max(initial=0):
         return None
     starts, stops = (np.flatnonzero(np.diff(np.pad(zero.astype(int), 1)) == sign) for sign in (1, -1))
     whole = (starts > 0) & (stops < torque.size)

@@ -1,13 +1,13 @@
 """Levels of tests, and limits from which a finding is reported, a model chosen or data left out.
 
-Each is the default of an argument, or read where a function applies several. Tolerances and grids are beside their code.
+Each is the default of an argument, or read where a function applies several. Tolerances and grids stand elsewhere.
 """
 
 # Tests
 CONFIDENCE = 0.95  # of every interval
 NORMAL = 1.96  # standard errors: half the width of a normal interval of that confidence
 SIGNIFICANCE = 0.01  # of a test that adds a term, leaves a point out or separates runs; Bonferroni over what it tries
-RARE = 1e-3  # of a test that every experiment undergoes and that warns of the user's set-up
+RARE = 1e-3  # of a test that every experiment or fleet undergoes: one false alarm in a thousand
 START_WORTH = 0.1  # p-value of a Stribeck term from which a descent starts with it; the fit is tested again
 NO_SIGN = 0.5  # noise alone shows as much in half of all cases
 NAMED = 0.05  # of compared sessions or joints (Holm): one false change in twenty comparisons
@@ -19,13 +19,13 @@ EARLY = 5.0  # standard errors by which a motion is before its command: impossib
 LEAST_FREEDOM = 4.0  # degrees of freedom: a variance of fewer is too uncertain to be used
 
 # Sizes of effects
-MATTERS = 0.01  # of friction, alpha_0 or a level: a smaller effect is a note, or none
-EXPLAINS = 0.05  # of the residuals' squares: a term that explains less is not reported
+MATTERS = 0.01  # of friction, alpha_0, a level or a gain: a smaller effect is a note, or none
+EXPLAINS = 0.05  # of squares or of a variance: a term or parameter that explains less is not reported
 RELATED = 0.1  # of the variance of a torque: its motion explains at least as much
 POOR = 0.15  # of the measured torque: a larger pattern in what a fit leaves, and its parameters mean nothing
 FACTOR = 1.5  # ratio from which reaches of intervals, errors of fits, residuals of runs or fitted sizes differ
-MUCH_WORSE = 2.0  # ratio of residuals, of two fits or two parts of one: the worse one is wrong
-NEED = 10.0  # percent of friction: the required accuracy by default
+MUCH_WORSE = 2.0  # ratio of residuals of two fits, or at reversals (clean runs: 1.0 to 1.1): the worse one is wrong
+NEED = 10.0  # percent of friction: the required accuracy by default; an exported model that loses more is reported
 
 # Logs
 GAP = 5.0  # median intervals: nothing is interpolated or filtered across a longer one, by default
@@ -37,10 +37,7 @@ HELD_READING = 3  # times that a reading repeats, and counts by which it then ca
 SAME_FACTOR = 0.05  # by which two statements of a count, rate or gear differ at most: all are known better than that
 KNOWN_FACTOR = 0.01  # within which a larger factor is a known one, as of another unit
 NEAR_COUNTS = 50.0  # counts: steps up to here tell the count; beyond, rounding in the log adds up
-POWER_OF_TWO, COARSEST = (
-    5e-5,
-    256,
-)  # of counts a turn: random ones, in three other units, are so near once in 2000 times
+POWER_OF_TWO, COARSEST = 5e-5, 256  # counts a turn: in three other units, random ones are so near once in 2000 times
 PILED, PILED_BESIDE = 4.0, 3  # clipped: the extreme is taken 4 times as often as any of the 3 levels next to it
 UNSIGNED, UNSIGNED_TURNS = 200, 4  # samples, and turns, that show that a torque has no sign
 INERTIA_STANDS = (0.003, 0.25)  # of the inertia, of its standard error: by which a lower cut-off must raise it
@@ -64,7 +61,7 @@ LATEST_DELAY = 0.05  # s, of a log; a larger one stands for another term, such a
 BIAS_UNSURE, NAMED_BIAS = 0.5, 0.1  # standard errors of a bias by counts: less sure, not corrected; smaller, not named
 
 # Least numbers
-FEW, ENOUGH = 8, 20  # blocks, points, count edges: fewer give no scatter; below the second, no ratio and no tail
+FEW, ENOUGH = 8, 20  # blocks, points, equations, count edges: fewer tell nothing; below the second, not much
 EQUATIONS_EACH = 2  # equations per unknown of a fit
 SPARE_POINTS = 4  # points beyond the parameters for a comparison by BIC
 SAMPLES_EACH = 4  # samples per column for a test of a relation
@@ -73,7 +70,7 @@ JACKKNIFE_RUNS = 3  # runs for a jackknife: two give one difference
 PATTERN_EQUATIONS, INDEPENDENT = 300, 30  # equations, and independent ones, whose patterns are judged
 RESOLVED = 5  # samples while a motion passes the bristle's deflection: fewer do not show its stiffness
 
-# Motions: constant velocities, then others
+# Constant velocities
 HOLDS, LOADS = 0.79, 0.7  # shares of motion, of loading: with less a run tells more as a tracking run
 LOADS_ALONE = 0.9  # share of loading from which a run needs no other runs
 HELD_SPEEDS = 4  # speeds held in all: points of fewer tell hardly more than a level
@@ -87,13 +84,12 @@ IN_ORDER = 0.9  # rank correlation of speed and time from which they are confoun
 CORRECTED = 0.2  # standard errors of a point: smaller corrections for settling are not made
 ON_THE_WAY = 0.1  # of a hold's speed: the way to the hold counts from so near on
 STRAIGHT = 2.0  # of a hold's largest distance from its line: so straight a way before the hold moves as fast
+
+# Moving runs
 AT_REST = 0.01  # of the total way: less in a direction is rest
 SWING = 0.1  # rad: over less, gravity cannot be told from a spring and a constant
 ONE_RATE = 1.05  # ratio of sampling intervals that counts as one
-SLOW_PASSES, SLOW_SHARE = (
-    0.3,
-    0.5,
-)  # of a slow torque: most passes of its mean per cut-off period (noise: 1.15), least share
+SLOW_PASSES, SLOW_SHARE = 0.3, 0.5  # of a slow torque: most passes of its mean a cut-off period (noise 1.15), share
 ROUGHER = 3.0  # ratio of (1 - lag-one correlation) from which a torque is noise beside its motion
 FILTER_WEIGHT = 0.02  # of the weights of an equation: samples with less do not count
 SLID = 5.0  # deflections g0 / sigma_0 after a reversal from which a joint slides: exp(-5) is left
@@ -105,10 +101,7 @@ NEARLY_ALL, NOISE_ADDS = 0.99, 1.1  # share of readings below a saturation, and 
 
 # Slow loading
 LARGEST_BEND = {"revolute": 0.1, "prismatic": 0.005}  # rad, m: no bristle bends further
-PROMINENT, CLOSED = (
-    0.1,
-    0.1,
-)  # of the range of torque: a smaller turn is none; ends of a closed cycle are no further apart
+PROMINENT, CLOSED = 0.1, 0.1  # of the range of torque: a smaller turn is none; ends of a cycle are no further apart
 ONSET = 10.0  # times the speed of the first half of loading: sliding; a tenth below g0 LuGre's creep is as fast
 REACH, NEAREST = 0.8, 0.97  # of g0: log(1 - T / g0) amplifies noise of T above; noise above the second is cut off
 SOFTER = 0.05  # fall of the stiffness beyond LuGre's: viscous torque and filters cause less

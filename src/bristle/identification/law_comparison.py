@@ -262,14 +262,14 @@ def _left_out(problems: Sequence[Regression]) -> LeftOut:
     return 100 * float(np.sqrt(total / power)) if power else None
 
 
-def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | None:
+def ranked(data: Data, fitted: Sequence[Fitted], in_force: str, bic_gain: float = BIC_GAIN) -> Comparison | None:
     """Fitted laws as a comparison with the chosen one, or None of the paper's alone; `in_force` is the fits'."""
     rows = rows_of(fitted) if fitted else []
     known = {row.name: row.bic for row in rows}
     if GAUSSIAN.name not in known or len(rows) < 2:
         return None
-    better = {name for name, bic in known.items() if known[GAUSSIAN.name] - bic > BIC_GAIN}
-    doubted = known.get(in_force, -np.inf) - known[GAUSSIAN.name] > BIC_GAIN
+    better = {name for name, bic in known.items() if known[GAUSSIAN.name] - bic > bic_gain}
+    doubted = known.get(in_force, -np.inf) - known[GAUSSIAN.name] > bic_gain
     predicted = {*better, GAUSSIAN.name, in_force} if better or doubted else set[str]()
     pairs = zip(fitted, rows, strict=True)
     rows = [replace(row, left_out=x.predicts() if x.name in predicted else None) for x, row in pairs]
@@ -278,7 +278,7 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | 
     clearly = [row for row in others if row.candidate and row.name in better and _predicts_better(row, paper)]
     best, other = min(clearly, key=lambda row: row.bic, default=paper), min(others, key=lambda row: row.bic)
     gain = paper.bic - other.bic
-    why = "it is not shown to predict speeds that were left out better" if better else f"{BIC_GAIN:g} lower is required"
+    why = "it is not shown to predict speeds that were left out better" if better else f"{bic_gain:g} lower is required"
     message = (
         f"The data favour no other law than the paper's: the BIC of {other.name} is {abs(gain):.1f} {'lower' if gain > 0 else 'higher'}, "
         f"and {why}."

@@ -126,13 +126,13 @@ def judged(whole: Measured) -> Measured:
     return replace(whole, segments=segments, searches=searches)
 
 
-def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
+def measured_of(experiment: Experiment, runs: tuple[Run, ...], one_rate: float = ONE_RATE) -> Measured:
     """Runs cut into segments; moving ones get one decimation and low pass. Raises as `measure` does."""
     moving = [run.record for run in runs if run.kind == "tracking"]
     slowest = max((r for r in moving if r.time.size > 1), key=lambda r: r.step, default=None)
 
     def beside_slowest(record: Record) -> Record:  # with a note if it was sampled faster
-        if slowest is None or not (ratio := slowest.step / record.step) > ONE_RATE or record.oversampled != 1:
+        if slowest is None or not (ratio := slowest.step / record.step) > one_rate or record.oversampled != 1:
             return record
         message = f"Sampled {ratio:.3g} times as fast as {slowest.file}: it is decimated by so much more, for equations as far apart."
         note = Finding("sampled-faster", NOTE, message, {"ratio": ratio, "slowest": slowest.file})

@@ -82,7 +82,7 @@ def clustered(
     return found
 
 
-def _differ(parts: Sequence[tuple[Array, Array]]) -> bool:
+def _differ(parts: Sequence[tuple[Array, Array]], significance: float = SIGNIFICANCE) -> bool:
     """Whether runs fitted apart leave significantly less than the fit of all."""
     rank, explained, left, n = 0, 0.0, 0.0, 0
     for X, rest in parts:
@@ -93,7 +93,7 @@ def _differ(parts: Sequence[tuple[Array, Array]]) -> bool:
     more, freedom = rank - parts[0][0].shape[1], n - rank
     if more < 1 or freedom < 1 or not left > 0:
         return False
-    return float(fdtrc(more, freedom, explained / more / (left / freedom))) < SIGNIFICANCE
+    return float(fdtrc(more, freedom, explained / more / (left / freedom))) < significance
 
 
 def _fewer(most: int, own: float) -> float:

@@ -108,7 +108,7 @@ def _equations(record: Record, number: int) -> list[tuple[Array, ...]]:
     return found
 
 
-def _opinion(data: _Data, of_position: str = "") -> SecondOpinion | None:
+def _opinion(data: _Data, of_position: str = "", alike: float = ALIKE) -> SecondOpinion | None:
     blocks = np.unique(data.block)
     if data.v.size < 8 or blocks.size < 3:
         return None
@@ -128,7 +128,7 @@ def _opinion(data: _Data, of_position: str = "") -> SecondOpinion | None:
     best, outs, tried = min(SHARES, key=left_by_peak), [data.block == k for k in blocks], []
     for set_up in ladder:
         names, X = _columns(data, set_up, best * top)
-        if X.shape[1] * 2 > data.v.size or np.linalg.cond(X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)) > ALIKE:
+        if X.shape[1] * 2 > data.v.size or np.linalg.cond(X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)) > alike:
             continue
         left = [data.torque[out] - X[out] @ _solve(names, X[~out], data.torque[~out]) for out in outs]
         stray = 5 * 1.4826 * float(np.median(np.abs(np.concatenate(left)))) or np.inf

@@ -199,7 +199,7 @@ def _backlash(found: Score, _: int) -> Finding:
     return Finding("backlash", CAUTION, message, {"play": abs(twice), "share": found.share})
 
 
-def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
+def _dead_zone(largest: float, found: Score, which: int, factor: float = levels.FACTOR) -> Finding | None:
     """A torque that misses a constant above it, and everything below."""
     missing = -float(found.sizes[0])
     message = (
@@ -208,7 +208,7 @@ def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
         "reversals look softer; switch it off, or add it to the torque."
     )
     said = Finding("torque-missing", CAUTION, message, {"torque": missing, "share": found.share}, {"torque": missing})
-    return said if 1 / levels.FACTOR < missing / (_ZONES[which] * largest) < levels.FACTOR else None
+    return said if 1 / factor < missing / (_ZONES[which] * largest) < factor else None
 
 
 def _saturates(read: float, largest: float, found: Score, which: int) -> Finding | None:

@@ -77,11 +77,11 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
     return LinkScale(scale=links.value, error=links.standard_error, explained=explained, left=fit.rms)
 
 
-def torque_constant(found: LinkScale, kind: Kind, effort: str = "A") -> Estimate:
+def torque_constant(found: LinkScale, kind: Kind, effort: str = "A", sure: float = SURE) -> Estimate:
     """N*m or N per unit of effort, as the links tell it; without a value where they do not."""
     of = unit("torque", kind)
     in_torque = f"{of}/{effort}"
-    if found.scale + SURE * found.error < 0 and found.explained > found.left:
+    if found.scale + sure * found.error < 0 and found.explained > found.left:
         message = (
             f"The effort goes against the torque of the links ({found.scale:.3g} +/- {found.error:.2g} {effort}/({of})): check "
             "gravity, the order of the joints, and the sign of the effort."

@@ -120,10 +120,10 @@ def own_levels(one: Adjusted, most: NDArray[np.intp]) -> tuple[Array, Array]:
     return (weight * levels.y).sum(axis=1) / total, 1 / total
 
 
-def population_of(one: Adjusted, most: NDArray[np.intp]) -> Population[float] | None:
+def population_of(one: Adjusted, most: NDArray[np.intp], several: int = SEVERAL) -> Population[float] | None:
     """Mean and spread of a type; None with too few joints."""
     now = one.of.now
-    if now.sum() < SEVERAL:
+    if now.sum() < several:
         return None
     level, variance = own_levels(one, most)
     return population(level[now], variance[now])

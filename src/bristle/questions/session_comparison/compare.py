@@ -28,7 +28,7 @@ _MANY = 1e9  # stands for infinite degrees of freedom
 NO_CHANGE = Finding("no-change", NOTE, "No change beyond the joint uncertainty.")
 
 
-def compare(first: results.Session, second: results.Session) -> results.Comparison:
+def compare(first: results.Session, second: results.Session, *, named: float = NAMED) -> results.Comparison:
     """Changes of the joints in both sessions. Raises InputError without such a joint, or for other kinds or units."""
     shared = [name for name in first if name in second]
     if not shared:
@@ -48,10 +48,10 @@ def compare(first: results.Session, second: results.Session) -> results.Comparis
     for k, p in zip(known, holm(np.array([changes[k].p for k in known], dtype=float)).tolist(), strict=True):
         rose = (changes[k].difference or 0.0) > 0
         moved = Finding("rose" if rose else "fell", NOTE, f"{'Rose' if rose else 'Fell'} beyond the joint uncertainty.")
-        changes[k] = replace(changes[k], adjusted=p, changed=p < NAMED, verdict=moved if p < NAMED else NO_CHANGE)
+        changes[k] = replace(changes[k], adjusted=p, changed=p < named, verdict=moved if p < named else NO_CHANGE)
     sets = [x for name, (a, b) in both.items() for x in _sets(name, a, b)]
     adjusted = holm(np.array([x.p for x in sets])).tolist()
-    sets = [replace(x, adjusted=p, changed=p < NAMED) for x, p in zip(sets, adjusted, strict=True)]
+    sets = [replace(x, adjusted=p, changed=p < named) for x, p in zip(sets, adjusted, strict=True)]
     return results.Comparison(
         changes=tuple(changes), sets=tuple(sets), kinds={name: first[name].kind for name in shared},
         sentence=sentence(changes, sets), warnings=tuple(warnings(first, second, shared, changes)),
