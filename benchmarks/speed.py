@@ -8,12 +8,12 @@ least of its turns. Both trees read the same experiment file, which the older on
 """
 
 import compileall
-import glob
 import os
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from resource import RUSAGE_CHILDREN, getrusage
 from time import perf_counter
 from typing import NamedTuple
 
@@ -71,17 +71,12 @@ def simulated(samples: int, rate: float, seed: int) -> pd.DataFrame:
 
 def run(tree: Path, folder: Path, *arguments: str) -> tuple[float, float]:
     """Processor and wall time of a command of a tree, s."""
-    began = perf_counter()
-    process = subprocess.Popen(  # noqa: S603  # our own command
-        [sys.executable, "-m", "bristle", *arguments], cwd=folder, env={**os.environ, "PYTHONPATH": str(tree / "src")},
-        stdout=subprocess.DEVNULL, stderr=subprocess.PIPE,
-    )  # fmt: skip  # a call
-    assert process.stderr is not None
-    said = process.stderr.read().decode()
-    _, status, usage = os.wait4(process.pid, 0)
-    if status:
-        raise SystemExit(f"{' '.join(arguments)}: {said}")
-    return usage.ru_utime + usage.ru_stime, perf_counter() - began
+    began, before = perf_counter(), getrusage(RUSAGE_CHILDREN)
+    environment = {**os.environ, "PYTHONPATH": str(tree / "src")}
+    command = [sys.executable, "-m", "bristle", *arguments]
+    subprocess.run(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, check=True)  # noqa: S603  # our own
+    after = getrusage(RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, perf_counter() - began
 
 
 def drafted(job: Job, old: Path, data: Path, folder: Path) -> None:
@@ -91,8 +86,8 @@ def drafted(job: Job, old: Path, data: Path, folder: Path) -> None:
         for k in range(40):
             simulated(335, 67, k).to_csv(folder / f"log_{k:02}.csv", index=False)
     for pattern in job.logs.split():
-        for path in sorted(glob.glob(str(data / pattern))):
-            (folder / Path(path).name).symlink_to(path)
+        for path in sorted((data / pattern).parent.glob(Path(pattern).name)):
+            (folder / path.name).symlink_to(path)
     names = sorted(path.name for path in folder.iterdir())
     run(old, folder, "new", *names, "-o", "joint.yaml", *job.told.split())
     text = (folder / "joint.yaml").read_text()
@@ -116,10 +111,15 @@ def beside(data: Path, commit: str) -> None:
             for job, of in JOBS.items():
                 drafted(of, old, data, folder / job.replace(" ", "_"))
                 arguments = ("identify", "joint.yaml")
-                turns = [[run(tree, folder / job.replace(" ", "_"), *arguments)[0] for tree in (old, ROOT)] for _ in range(TURNS)]
+                turns = [
+                    [run(tree, folder / job.replace(" ", "_"), *arguments)[0] for tree in (old, ROOT)]
+                    for _ in range(TURNS)
+                ]
                 before, now = np.min(turns, axis=0)
                 print(f"| {job} | {before:.1f} | {now:.1f} | {now / before:.2f} | {of.asked:.2f} |", flush=True)
-            turns = [[run(tree, folder, "report", "-o", f"r{k}{tree.name}")[1] for tree in (old, ROOT)] for k in range(TURNS)]
+            turns = [
+                [run(tree, folder, "report", "-o", f"r{k}{tree.name}")[1] for tree in (old, ROOT)] for k in range(TURNS)
+            ]
             before, now = np.min(turns, axis=0)
             print(f"| report (wall) | {before:.1f} | {now:.1f} | {now / before:.2f} | 0.75 |")
         finally:
@@ -135,7 +135,7 @@ def grown() -> None:
                 logs = [(size, 500.0)] if what == "samples" else [(335, 67.0)] * size
                 for k, (samples, rate) in enumerate(logs):
                     simulated(samples, rate, k).to_csv(Path(name) / f"log_{k:04}.csv", index=False)
-                took = run(ROOT, Path(name), "identify", *sorted(os.listdir(name)))[0]
+                took = run(ROOT, Path(name), "identify", *sorted(path.name for path in Path(name).iterdir()))[0]
             print(f"| {size} | {took:.1f} | {1000 * took / size:.2f} |", flush=True)
 
 

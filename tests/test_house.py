@@ -11,7 +11,7 @@ import yaml
 import bristle
 
 from .conftest import SLOW
-from .source import FILES, SOURCE, nodes
+from .source import FILES, SOURCE, nodes, trees
 
 ROOT = Path(__file__).parents[1]
 GROUND = {"arrays", "errors", "findings", "progress", "workers"}
@@ -96,6 +96,25 @@ def test_imports_and_prints() -> None:
             )
         found += [(path.name, name) for name in names if name[:1] == ("questions",) and name[-1] == "report"]
     assert found == []
+
+
+def test_levels_have_reasons_and_readers() -> None:
+    """Each level has its unit and reason beside it and is read elsewhere; no module takes a private name of another."""
+    levels = SOURCE / "estimation" / "levels.py"
+    lines = levels.read_text(encoding="utf-8").splitlines()
+    assigned = [node for node in trees()[levels].body if isinstance(node, ast.Assign)]
+    names = {x.id: node.lineno for node in assigned for x in ast.walk(node.targets[0]) if isinstance(x, ast.Name)}
+    read, private = set[str](), set[str]()
+    for path, of_file in nodes().items():
+        for node in of_file:
+            if isinstance(node, ast.ImportFrom):
+                taken = {alias.name for alias in node.names}
+                read |= taken if node.module == "bristle.estimation.levels" else set()
+                private |= {f"{path.stem}: {x}" for x in taken if re.fullmatch("_[A-Z_]+", x)}
+            elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "levels":
+                read.add(node.attr)
+    assert private == set()
+    assert [x for x, line in names.items() if x not in read or not re.search(r"  # \w.{9,}", lines[line - 1])] == []
 
 
 def test_few_tests_are_slow(pytestconfig: pytest.Config) -> None:

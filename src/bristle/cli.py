@@ -12,7 +12,7 @@ import typer
 
 import bristle
 from bristle.errors import InputError, short_list
-from bristle.estimation.levels import FALSE_DISCOVERIES
+from bristle.estimation.levels import BASELINE, FALSE_DISCOVERIES
 from bristle.page import output_folder as files
 from bristle.progress import shown
 from bristle.terminal import complain, print_lines
@@ -402,7 +402,7 @@ def compare(first: Path, second: Path, output: Path | None = None) -> None:
 )
 def fleet(
     catalog: str, output: str | None = None, scheduler: str | None = None, workers: int | None = None,
-    memory: str | None = None, verify: bool = False, rate: float = FALSE_DISCOVERIES, baseline: int = 3, tls_ca_file: Path | None = None,
+    memory: str | None = None, verify: bool = False, rate: float = FALSE_DISCOVERIES, baseline: int = BASELINE, tls_ca_file: Path | None = None,
     tls_cert: Path | None = None, tls_key: Path | None = None, strict: bool = False,
 ) -> None:  # fmt: skip  # a list of options
     """Watch a fleet: which joints changed, which units differ.

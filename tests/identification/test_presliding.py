@@ -15,13 +15,14 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
 from bristle.estimation.covariance import student
+from bristle.estimation.levels import REACH
 from bristle.findings import Finding
 from bristle.identification import identify
 from bristle.identification.dynamic.priors import _stiffness
 from bristle.identification.fits import Presliding, PreslidingFit, StaticFit, Uncertainty
 from bristle.identification.presliding.fit import fit_presliding, identify_presliding
 from bristle.identification.presliding.softening import softening
-from bristle.identification.presliding.stiffness import REACH, KnownValue, by_edges, of_loading, stiffness
+from bristle.identification.presliding.stiffness import KnownValue, by_edges, of_loading, stiffness
 from bristle.identification.presliding.uncertainty import stiffness_uncertainty
 from bristle.identification.results import Joint
 from bristle.model import law

@@ -11,13 +11,14 @@ import yaml
 import bristle
 from bristle.arrays import Interval
 from bristle.data.experiment.schema import FitOptions
+from bristle.estimation.levels import NORMAL
 from bristle.identification.curve import band
 from bristle.identification.fits import Estimate, StaticFit
 from bristle.identification.presliding.fit import fit_presliding
 from bristle.identification.results import Joint
 from bristle.identification.static.fit import PointInfo, estimate_static, fit_static
 from bristle.identification.static.problem import from_points
-from bristle.identification.systematic import NORMAL, combined, statistical
+from bristle.identification.systematic import combined, statistical
 from bristle.model.parameters import Lugre, least_of
 from bristle.questions.joint_report.results_file import to_frame
 from bristle.simulation.bench import steady_points

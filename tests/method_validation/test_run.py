@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 import bristle
 from bristle import identify
 from bristle.arrays import Array
+from bristle.estimation.levels import MOST_DECLINED
 from bristle.identification.results import Joint
 from bristle.identification.static import grid as static
 from bristle.identification.static.batch import Batch
@@ -20,13 +21,7 @@ from bristle.questions.method_validation import run as running
 from bristle.questions.method_validation import solvers as methods
 from bristle.questions.method_validation.cases import MOST_POINTS, CaseSet, joint_cases, sweep
 from bristle.questions.method_validation.report import drawings, resolution_said
-from bristle.questions.method_validation.results import (
-    FREE,
-    MOST_DECLINED,
-    SAME_COST,
-    RandomStarts,
-    Validation,
-)
+from bristle.questions.method_validation.results import FREE, SAME_COST, RandomStarts, Validation
 from bristle.questions.method_validation.run import POLISHED, REFINED, spread, validate
 from bristle.questions.method_validation.solvers import ValidationCase, case_names
 from bristle.questions.method_validation.verdict import overall, verdict

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bristle.api.identifying import identify
 from bristle.errors import InputError, short
-from bristle.estimation.levels import FALSE_DISCOVERIES
+from bristle.estimation.levels import BASELINE, FALSE_DISCOVERIES
 from bristle.findings import Severity
 from bristle.identification.known_joint import chosen
 from bristle.identification.verdict import row_warnings, verdict
@@ -80,7 +80,7 @@ def fleet(
     memory: str | None = None,
     verify: bool = False,
     rate: float = FALSE_DISCOVERIES,
-    baseline: int = 3,
+    baseline: int = BASELINE,
     begun: Callable[[str], object] = lambda _: None,
     progress: Progress | None = None,
 ) -> Fleet:

@@ -12,11 +12,12 @@ from bristle.api.sources import JointLogs, Source, is_results_file, measure_join
 from bristle.data.experiment.load import Experiment
 from bristle.data.robot.robot_file import Robot, pick
 from bristle.errors import InputError, short
+from bristle.estimation.levels import NEED
 from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.known_gravity import measure_scaled
 from bristle.identification.measured import Measured
-from bristle.identification.results import NEED, Joint, WrittenExperiment
+from bristle.identification.results import Joint, WrittenExperiment
 from bristle.identification.robot.measured import measure_robot
 from bristle.progress import Progress, step
 from bristle.questions.array_fit.fit import Fit

@@ -18,12 +18,12 @@ from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps, estimate_motion, smoothed, usable
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
+from bristle.estimation.levels import INERTIA_STANDS, SURE
 from bristle.findings import NOTE, Finding
 
 _WIDER, _ABOVE = 4.0, 2.0  # least cut-off over the bandwidth, and over the frequency where a signal falls into noise
 _HELD, _SLOW = 0.5, 10.0  # the latter at held speeds; the former of slow loading, whose breakaway is a corner
 _LADDER = 2**0.5  # a cut-off over the next one that is tried
-_STANDS = 0.003, 0.25  # of the inertia, of its standard error: by which a lower cut-off must raise it
 
 
 def of_motion(record: Record) -> tuple[float, Finding]:
@@ -55,7 +55,7 @@ def of_motion(record: Record) -> tuple[float, Finding]:
     while tried > least:
         lower, its_error = _inertia(record, effort, tried)
         # three standard errors, below which an inertia is none to go by
-        if lower < 3.0 * its_error or lower - inertia <= max(_STANDS[0] * lower, _STANDS[1] * error):
+        if lower < SURE * its_error or lower - inertia <= max(INERTIA_STANDS[0] * lower, INERTIA_STANDS[1] * error):
             break
         cutoff, inertia, error, tried = tried, lower, its_error, tried / _LADDER
     return cutoff, _by_motion(own, shown)

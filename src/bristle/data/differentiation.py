@@ -10,12 +10,12 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.record import SIGNALS, Record
 from bristle.errors import InputError
+from bristle.estimation.levels import SHORTEST
 from bristle.findings import CAUTION, NOTE, Finding
 
 Choice = Callable[[Record], tuple[float, Finding]]  # a rule for the cut-off of a record's low pass, Hz, with the reason
 ORDER = 4  # order of the Butterworth filter, which runs forward and backward
 LOWEST = 1e-6  # cut-off of the low pass over the sampling rate
-SHORTEST = 16  # samples that a segment between gaps must have to be filtered
 
 
 def estimate_motion(record: Record, cutoff: float | Choice) -> Record:

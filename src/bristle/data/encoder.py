@@ -10,6 +10,7 @@ from bristle.arrays import Array
 from bristle.data import units
 from bristle.data.experiment.signals import Context, Position, Signal
 from bristle.data.record import OTHER_FILES, Record
+from bristle.estimation.levels import COARSEST, FEW, KNOWN_FACTOR, NEAR_COUNTS, POWER_OF_TWO, SAME_FACTOR
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.model.parameters import unit as unit_of
 
@@ -20,12 +21,6 @@ UNITS = {  # in which signals are logged
     "velocity": {"revolute": ("rad/s", "deg/s", "rpm", "rev/s", "mrad/s"), "prismatic": ("m/s", "mm/s", "cm/s")},
     "position": {"revolute": ("rad", "deg", "rev", "mrad"), "prismatic": ("m", "mm", "cm")},
 }
-# steps of up to 50 counts tell the count (beyond, rounding in the log adds up); fewer than 8 may lie on a grid by chance
-_NEAR, _ENOUGH = 50.0, 8
-_FACTOR = 0.05  # by which declared and seen counts differ at most: an encoder is known better than that
-_NAMED = 0.01  # within which a larger factor is a known one
-# counts a turn are a power of two within 5e-5: a random number is, in one of the three other units, once in 2000 times
-_POWER, _COARSEST = 5e-5, 256
 
 
 def resolution(experiment: "Experiment", records: Sequence[Record]) -> float:
@@ -34,19 +29,19 @@ def resolution(experiment: "Experiment", records: Sequence[Record]) -> float:
     return experiment.encoder_resolution or max(steps, default=0.0)
 
 
-def smallest_step(position: Array) -> float:
+def smallest_step(position: Array, few: int = FEW) -> float:
     """The encoder's count, from the steps between readings, in the unit of position; 0 where they keep to no grid."""
     step, multiples = _grid(levels := np.unique(position))
-    return step if multiples.size >= _ENOUGH or levels.size <= position.size / 2 else 0.0
+    return step if multiples.size >= few or levels.size <= position.size / 2 else 0.0
 
 
-def _grid(levels: Array) -> tuple[float, Array]:
+def _grid(levels: Array, near_counts: float = NEAR_COUNTS) -> tuple[float, Array]:
     """The step of the grid of readings in rising order, 0 where there is none, and the small multiples of it."""
     if levels.size < 2:
         return 0.0, np.zeros(0)
     steps = np.diff(levels)
     steps = steps[steps > 1e-3 * np.median(steps)]
-    near = steps[steps < _NEAR * steps.min()]
+    near = steps[steps < near_counts * steps.min()]
     step = float(near.sum() / np.round(near / np.median(near[near < 1.5 * near.min()])).sum())
     multiples = np.round(near / step)
     return (step if np.abs(near / step - multiples).max() < 0.1 else 0.0), multiples
@@ -60,7 +55,7 @@ def unit_of_counts(logged: Array) -> tuple[str, int] | None:
     step = smallest_step(logged)
     for unit in UNITS["position"]["revolute"] if step else ():
         counts = 2 * np.pi / step / units.factor(unit, "rad")
-        if counts > _COARSEST and _power_of_two(counts, _POWER):
+        if counts > COARSEST and _power_of_two(counts, POWER_OF_TWO):
             return None if unit == "rad" else (unit, round(counts))
     return None
 
@@ -79,8 +74,8 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
             "under signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
         )
         return Finding("whole-positions", CRITICAL, message, {"files": (file,)})
-    declared = context.resolution is not None and apart(size / context.resolution, 1.0) < _FACTOR
-    degrees = context.kind_of("position") == "revolute" and apart(size, units.factor("deg", "rad")) < _NAMED
+    declared = context.resolution is not None and apart(size / context.resolution, 1.0) < SAME_FACTOR
+    degrees = context.kind_of("position") == "revolute" and apart(size, units.factor("deg", "rad")) < KNOWN_FACTOR
     if declared or not degrees:
         return None
     message = (
@@ -99,20 +94,20 @@ def count_mismatch(record: Record, signal: Position | None, context: Context) ->
     step, multiples = _grid(levels)
     repeats = levels.size <= record.position.size / 2
     # 3 multiples of a count among the steps, beyond which a grid is no constant speed, where readings hardly repeat
-    if not step or multiples.size < _ENOUGH or not (repeats or np.unique(multiples).size > 3):
+    if not step or multiples.size < FEW or not (repeats or np.unique(multiples).size > 3):
         return None
     step /= abs(context.to_joint("position"))
     if context.resolution is None:
         return _turn_of_another_unit(record.file, step, signal, context)
     ratio = step / context.resolution
-    return None if apart(ratio, 1.0) < _FACTOR else _mismatch(record.file, step, ratio, signal, context)
+    return None if apart(ratio, 1.0) < SAME_FACTOR else _mismatch(record.file, step, ratio, signal, context)
 
 
 def _mismatch(file: str, step: float, ratio: float, signal: Position, context: Context) -> Finding:
     """The finding of steps that are `ratio` times the declared count: a wrong unit, bits, rounding, or else."""
     now = signal.factor("position", context) / context.to_joint("position")
     others = other_units("position", signal, context)
-    line = next((f"`unit: {u}`" for u, by in others if apart(ratio * by, 1.0) < _NAMED < apart(by, 1.0)), None)
+    line = next((f"`unit: {u}`" for u, by in others if apart(ratio * by, 1.0) < KNOWN_FACTOR < apart(by, 1.0)), None)
     numbers: dict[str, Any] = {"files": (file,), "step": step, "ratio": ratio}
     position = f"The position of {file}{OTHER_FILES}"
     times = f"{ratio:.4g} times the declared encoder_resolution"
@@ -123,7 +118,7 @@ def _mismatch(file: str, step: float, ratio: float, signal: Position, context: C
             f"position is right, write `encoder_resolution: {seen}`."
         )
         return Finding("count-unit", CRITICAL, message, {**numbers, "remedy": line})
-    if _power_of_two(ratio, _NAMED):
+    if _power_of_two(ratio, KNOWN_FACTOR):
         message = (
             f"{position} changes in steps of {seen}, {times}, a power of two: quadrature, or a different number of bits. "
             f"Write `encoder_resolution: {seen}`."
@@ -144,10 +139,10 @@ def _mismatch(file: str, step: float, ratio: float, signal: Position, context: C
 def _turn_of_another_unit(file: str, step: float, signal: Position, context: Context) -> Finding | None:
     """The caution that the counts of a turn are a power of two in another unit than the declared one."""
     turn = 2 * np.pi / step
-    if context.kind_of("position") != "revolute" or _power_of_two(turn, _POWER):
+    if context.kind_of("position") != "revolute" or _power_of_two(turn, POWER_OF_TWO):
         return None
     for unit, by in other_units("position", signal, context):
-        if turn / by > _COARSEST and _power_of_two(turn / by, _POWER) and apart(by, 1.0) > _NAMED:
+        if turn / by > COARSEST and _power_of_two(turn / by, POWER_OF_TWO) and apart(by, 1.0) > KNOWN_FACTOR:
             counts, remedy = round(turn / by), f"`unit: {unit}`"
             message = (
                 f"A turn of {file}{OTHER_FILES} has {turn:.6g} counts as declared, and {counts} with {remedy} under "

@@ -17,15 +17,11 @@ from bristle.data.differentiation import smoothed
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
 from bristle.errors import InputError
+from bristle.estimation.levels import HELD_SPEEDS, HOLDS, LARGEST_BEND, LOADS, LOADS_ALONE
 from bristle.model.parameters import Kind as JointKind
 
 MovingKind = Literal["ramp", "presliding", "tracking"]
 _SMOOTH = 10.0  # Hz: the low pass of the speed by which rest is told from motion
-_BEND = {"revolute": 0.1, "prismatic": 0.005}  # rad or m: no bristle bends further
-# shares of motion and loading: with less of holds, or of loading, a run tells more as a tracking run; with so much
-# loading it needs no other runs to tell
-_HELD, _LOADED, _SURELY = 0.79, 0.7, 0.9
-FEWEST = 4  # velocities held in all: of fewer, points alone tell hardly more than a level
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -49,8 +45,8 @@ class Stretches:
     def kind(self) -> MovingKind:
         """What it does most."""
         # a presliding run loads for 0.2 of its time, and hardly does anything but load and slide
-        slides = self.loaded + self.broken + (self.held if len(self.speeds) < FEWEST else 0.0)
-        if slides >= _LOADED * self._busy > 0 and self.loaded >= max(0.2 * self.total, self.held):
+        slides = self.loaded + self.broken + (self.held if len(self.speeds) < HELD_SPEEDS else 0.0)
+        if slides >= LOADS * self._busy > 0 and self.loaded >= max(0.2 * self.total, self.held):
             return "presliding"
         return "ramp" if self.held > self.moving + self.loaded + self.broken else "tracking"
 
@@ -62,12 +58,12 @@ class Stretches:
     @property
     def is_loaded(self) -> bool:
         """Whether it is slow loading nearly all the time that it moves or is loaded."""
-        return self.kind == "presliding" and self.loaded + self.broken >= _SURELY * self._busy
+        return self.kind == "presliding" and self.loaded + self.broken >= LOADS_ALONE * self._busy
 
     @property
     def steadily(self) -> bool:
         """Whether it does hardly anything but hold velocities, or holds a single one, as a log of a series does."""
-        return len(self.speeds) == 1 or self.held >= _HELD * (self.held + self.moving + self.broken)
+        return len(self.speeds) == 1 or self.held >= HOLDS * (self.held + self.moving + self.broken)
 
     def unused(self, kind: str) -> float:
         """Share of the motion that a fit of this kind leaves out; a tracking run is used whole."""
@@ -87,7 +83,7 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
     with suppress(InputError):  # of a joint that slides
         for x in () if record.position is None else find_loadings(record, of_slow_loading(record)[0], None, None):
             # 0.5 s, each end known to a sample: a shorter rise of the torque is the beginning of a motion
-            if x.time.size and x.time[-1] + 2 * step >= 0.5 and x.displacement.max(initial=0.0) <= _BEND[joint]:
+            if x.time.size and x.time[-1] + 2 * step >= 0.5 and x.displacement.max(initial=0.0) <= LARGEST_BEND[joint]:
                 loadings.append(x)
     for x in loadings:  # and where it does not break away what follows nearby
         start, stop = x.start, x.start + x.time.size

@@ -15,20 +15,17 @@ from bristle.data.encoder import apart, count_mismatch, other_units, smallest_st
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Signal, Signals, si
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
-from bristle.data.sampling import BLOCK, DEVIATIONS, UNEVEN, jitter
+from bristle.data.sampling import BLOCK, jitter
 from bristle.data.torque_checks import check_torque
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.levels import DEVIATIONS, ENOUGH, HELD_READING, JUMP, SAME_FACTOR, UNEVEN
 from bristle.findings import CAUTION, CRITICAL, Finding
 
-_FACTOR = 0.05  # by which velocity and position differ at most: sampling rates and gears are known better than that
 _TIMES = ("s", "ms", "us")
 SPANS = (1, 4, 16, 64, 256)  # samples over which travel is compared: noise hides a short one, a reversal a long one
-FEWEST = 20  # spans that tell a factor, or a lag
 _AROUND = 5  # samples on either side that tell the usual travel of one
-_JUMP = 10.0  # standard deviations of a step, beyond which it is a jump: noise of steps is no worse
 _NAMED = 4  # places in one sentence
-_HELD = 3  # times that a reading repeats, and more counts that it then catches up by than the motion makes in a sample
 _BESIDE = 20  # samples on either side of a held reading that tell its speed
 
 
@@ -99,7 +96,7 @@ def travel_ratio(record: Record) -> TravelRatio | None:
     """
     best: TravelRatio | None = None
     for moved, said, _ in travels(record):
-        if moved.size < FEWEST or not (moved.any() and said.any()):
+        if moved.size < ENOUGH or not (moved.any() and said.any()):
             continue
         across, moved_2, said_2 = float(moved @ said), float(moved @ moved), float(said @ said)
         correlation = across / np.sqrt(moved_2 * said_2)
@@ -121,7 +118,7 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
     if abs(ratio.correlation) < 0.7:
         position, velocity = np.asarray(record.position)[:: SPANS[2]], np.asarray(record.velocity)
         both = (np.diff(position), velocity[:: SPANS[2]] - velocity.mean())
-        if any(x.size < 2 * FEWEST or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
+        if any(x.size < 2 * ENOUGH or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
             return None
         message = (
             f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation "
@@ -131,7 +128,7 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
         numbers: dict[str, Any] = {"files": (record.file,), "correlation": ratio.correlation}
         return Finding("velocity-unrelated", CRITICAL, message, numbers, {"torque": np.inf})
     sure = ratio.high < 2.0 * ratio.low  # a factor is told where noise leaves it uncertain by less than this
-    if not sure or (ratio.value > 0 and ratio.low < 1 + _FACTOR and ratio.high > 1 - _FACTOR):
+    if not sure or (ratio.value > 0 and ratio.low < 1 + SAME_FACTOR and ratio.high > 1 - SAME_FACTOR):
         return None
     remedy = " or ".join(_remedies(signals, context, ratio.value))
     message = (
@@ -145,20 +142,20 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
 def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:
     """Remedies that make position and velocity agree: units that are this far apart, else a factor; and a sign."""
     size = abs(ratio)
-    if context.gear and apart(max(size, 1 / size), abs(context.gear.ratio)) < _FACTOR:
+    if context.gear and apart(max(size, 1 / size), abs(context.gear.ratio)) < SAME_FACTOR:
         return [f"the other side for {name} under motor.gear" for name in ("velocity", "position")]
     lines = list[str]()
-    if not apart(size, 1.0) < _FACTOR:
+    if not apart(size, 1.0) < SAME_FACTOR:
         for name, wanted in (("velocity", size), ("position", 1 / size)):
             signal: Signal | None = getattr(signals, name)
             if signal is not None and not signal.unit.strip().startswith("count"):
                 others = other_units(name, signal, context)
-                near = [u for u, by in others if u != "counts" and apart(by, wanted) < _FACTOR]
+                near = [u for u, by in others if u != "counts" and apart(by, wanted) < SAME_FACTOR]
                 lines += [f"`unit: {u}` under signals.{name}" for u in near]
         time, rate = signals.time, None if signals.time is None else signals.time.rate
         if time is not None and time.unit not in {None, ISO}:
             now = units.factor(time.unit or "s", "s")
-            near = [x for x in _TIMES if apart(units.factor(x, "s") / now, size) < _FACTOR]
+            near = [x for x in _TIMES if apart(units.factor(x, "s") / now, size) < SAME_FACTOR]
             lines += [f"`unit: {x}` under signals.time" for x in near]
         if not lines:
             lines.append(f"a `scale` of signals.velocity {size:.3g} times as large")
@@ -189,7 +186,7 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Findin
     if not places:
         return None
     _, sizes, travels = np.abs(np.array(places)).T
-    if sizes.size > 20 and np.ptp(sizes) < 0.1 * sizes.mean() and np.median(travels) > _JUMP:
+    if sizes.size > 20 and np.ptp(sizes) < 0.1 * sizes.mean() and np.median(travels) > JUMP:
         return None  # alike, among next to no travel: the counts of an encoder under something that drifts
     word, rows = _rows(record, signals, [k + 1 for k, *_ in places])
     where = f"{record.file} {word}{'s' * (len(rows) > 1)} {', '.join(shortened(list(map(str, rows))))}"
@@ -212,7 +209,7 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Findin
     return Finding("position-jumps", CAUTION, message, {"files": (place,)})
 
 
-def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, float, float]]:
+def _jumps(steps: Array, intervals: Array, count: float, jump: float = JUMP) -> list[tuple[int, float, float]]:
     """Places of jumps among steps (n,), over intervals (n,); by how much, and the travel of how many samples."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
@@ -234,7 +231,7 @@ def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, floa
     # at a reversal, 25 samples about it, a jump is play; 0.75 samples' travel, and less is none
     side = np.sign(usual)
     one_way = minimum_filter1d(side, 51) * maximum_filter1d(side, 51) > 0
-    found = (before * after > 0) & one_way & (size > 0.75 * np.abs(usual)) & (size > _JUMP * noise + 2 * count)
+    found = (before * after > 0) & one_way & (size > 0.75 * np.abs(usual)) & (size > jump * noise + 2 * count)
     found &= np.abs(np.convolve(off, np.ones(2 * _AROUND + 1), "same")) > 0.5 * np.abs(off)  # it does not come back
     best = [k for k in np.flatnonzero(found) if size[k] >= size[max(k - _AROUND, 0) : k + _AROUND + 1].max()]
     lost = np.where(excess < 0, excess - travel, excess)
@@ -249,7 +246,7 @@ def _rows(record: Record, signals: Signals, samples: Sequence[int]) -> tuple[str
     return "row", [round(float(record.time[k]) * rate) + 1 if rate else k + 1 for k in samples]
 
 
-def held_position(record: Record, signals: Signals) -> Finding | None:
+def held_position(record: Record, signals: Signals, held_reading: int = HELD_READING) -> Finding | None:
     """The caution on readings that repeat in the midst of a motion, and then catch up: they were not refreshed."""
     if record.position is None or record.time.size < 2 * BLOCK:
         return None
@@ -263,13 +260,13 @@ def held_position(record: Record, signals: Signals) -> Finding | None:
         # the count is the 0.05 quantile of steps: the smallest are no smaller
         count = float(np.quantile(np.abs(steps[moves]), 0.05))
         start, end, times = moves[:-1] + 1, moves[1:], np.diff(moves) - 1
-        ok = (times >= _HELD) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
+        ok = (times >= held_reading) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
         start, end, times = start[ok], end[ok], times[ok]
         before, after = position[start] - position[start - _BESIDE], position[end + 1 + _BESIDE] - position[end + 1]
         speed, fastest = (before + after) / (2 * _BESIDE), np.maximum(np.abs(before), np.abs(after)) / _BESIDE
         caught, due = steps[end], speed * (times + 1)
         held = (before * after > 0) & (np.abs(caught - due) < 0.5 * np.abs(due))
-        held &= np.abs(caught) > fastest + _HELD * count
+        held &= np.abs(caught) > fastest + held_reading * count
         found += zip((s.start + start[held]).tolist(), times[held].tolist(), strict=True)
     if not found:
         return None
@@ -285,10 +282,10 @@ def held_position(record: Record, signals: Signals) -> Finding | None:
     return Finding("position-held", CAUTION, message, {"files": (place,), "samples": samples, "share": share})
 
 
-def irregular_sampling(record: Record) -> Finding | None:
+def irregular_sampling(record: Record, uneven: float = UNEVEN) -> Finding | None:
     """The caution on white noise of the position that grows with the speed: of unknown instants of sampling."""
     about = jitter(record, record.time / record.step)
-    if about < UNEVEN:
+    if about < uneven:
         return None
     message = (
         f"The position of {record.file}{OTHER_FILES} is noisy in proportion to its speed, as if sampled {about:.2g} of a "
@@ -324,7 +321,7 @@ def velocity_lag(record: Record) -> Finding | None:
     for moved, said, changed in travels(record, SPANS[1:]):
         X = np.column_stack([changed, said, np.ones(said.size)])
         scale = np.sqrt((X**2).sum(axis=0))
-        if said.size < FEWEST or not (np.isfinite(scale).all() and scale.all()):
+        if said.size < ENOUGH or not (np.isfinite(scale).all() and scale.all()):
             continue
         X /= scale
         if np.linalg.matrix_rank(X, tol=1e-6) < X.shape[1]:

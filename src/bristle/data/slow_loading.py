@@ -17,12 +17,7 @@ from bristle.data.differentiation import between_gaps, derivative, smoothed
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.errors import InputError
-
-_PROMINENT = 0.1  # of the range of torque: a turn smaller than this is none
-# sliding begins at 10 times the speed in the first half of loading: LuGre's creep is as fast within a tenth below g0,
-# for its speed under a ramp is as 1 / (1 - T / g0)
-ONSET = 10.0
-_CLOSED = 0.1  # of the range of torque: how far apart the ends of a closed cycle may be
+from bristle.estimation.levels import CLOSED, ONSET, PROMINENT
 
 
 @result
@@ -173,9 +168,9 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
         ends = (tops if tops.size > 1 else bottoms) + segment.start
         for start, stop in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
             y, T = position[start : stop + 1], torque[start : stop + 1]
-            if np.ptp(y) == 0 or abs(slow[stop] - slow[start]) > _CLOSED * np.ptp(slow):
+            if np.ptp(y) == 0 or abs(slow[stop] - slow[start]) > CLOSED * np.ptp(slow):
                 continue
-            if abs(y[-1] - y[0]) > max(1.5 * quantum, _CLOSED * np.ptp(y)):
+            if abs(y[-1] - y[0]) > max(1.5 * quantum, CLOSED * np.ptp(y)):
                 drifts.append(float((y[-1] - y[0]) / np.ptp(y)))
             else:
                 centred, level = y - y.mean(), T - T.mean()
@@ -215,11 +210,11 @@ def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
     return smoothed(record, values, cutoff, noisy=True) if cutoff < 0.5 / record.step else values
 
 
-def torque_turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def torque_turns(torque: Array, prominent: float = PROMINENT) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Samples of largest and of smallest torque between turns."""
     from scipy.signal import find_peaks
 
-    prominence = _PROMINENT * float(np.ptp(torque))
+    prominence = prominent * float(np.ptp(torque))
     if prominence == 0:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
     return find_peaks(torque, prominence=prominence)[0], find_peaks(-torque, prominence=prominence)[0]
@@ -240,9 +235,9 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
             part = part[: last + 1 - first]
             before = np.flatnonzero(sign * part <= 0)
             start = first + (int(before[-1]) + 1 if before.size else 0)
-            unloaded = before.size > 0 or abs(part[0]) <= _CLOSED * np.ptp(torque)
+            unloaded = before.size > 0 or abs(part[0]) <= CLOSED * np.ptp(torque)
             # 8 samples in a piece
-            if unloaded and last + 1 - start >= 8 and sign * torque[last] > _PROMINENT * np.ptp(torque):
+            if unloaded and last + 1 - start >= 8 and sign * torque[last] > PROMINENT * np.ptp(torque):
                 pieces.append((slice(start, last + 1), sign))
     return pieces
 

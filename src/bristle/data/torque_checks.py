@@ -8,12 +8,10 @@ from numpy.typing import NDArray
 from bristle.data.encoder import smallest_step
 from bristle.data.experiment.schema import RunKind
 from bristle.data.record import OTHER_FILES, Record
-from bristle.data.sampling import DEVIATIONS
 from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.levels import DEVIATIONS, PILED, PILED_BESIDE, UNSIGNED, UNSIGNED_TURNS
 from bristle.findings import CAUTION, CRITICAL, Finding
 
-_PILED, _NEXT = 4.0, 3  # clipped: the extreme is taken 4 times as often as any of the 3 levels next to it
-_MANY, _TURNS = 200, 4  # samples, and turns, that show that a torque has no sign
 _PARTS = 100  # parts of slow loading, of which the first tells with what it begins
 
 
@@ -60,10 +58,10 @@ def _limits(record: Record, kind: RunKind) -> list[float]:
     # with fewer levels nothing can be said of how often one is taken; of few points most are levels of their own
     if levels.size <= min(20, record.torque.size // 4):
         return []
-    padded = np.pad(counts, _NEXT)
-    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * _NEXT + 1).copy()
-    windows[:, _NEXT] = 0
-    piled = (counts >= _PILED * windows.max(axis=1)) & (counts >= least)
+    padded = np.pad(counts, PILED_BESIDE)
+    windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * PILED_BESIDE + 1).copy()
+    windows[:, PILED_BESIDE] = 0
+    piled = (counts >= PILED * windows.max(axis=1)) & (counts >= least)
     alike = np.isclose(levels[0], -levels[-1], rtol=1e-6)  # one limit, of both directions
     gaps = np.diff(levels)
     # 0.05 of the range of a torque: how far its next value is from a limit, at the most
@@ -105,7 +103,7 @@ def _unsigned(record: Record, _: RunKind) -> Finding | None:
         return None
     size, speed = np.abs(record.torque), np.abs(record.velocity)
     turns = np.flatnonzero(np.diff(np.sign(record.velocity)))
-    if size.size < _MANY or turns.size < _TURNS or record.torque.min() * record.torque.max() < 0:
+    if size.size < UNSIGNED or turns.size < UNSIGNED_TURNS or record.torque.min() * record.torque.max() < 0:
         return None
     # 0.1 of the way in either direction; the least torque about each turn, below 0.1 of the fastest speed
     back = float(speed[record.velocity < 0].sum() / speed.sum())
@@ -124,7 +122,7 @@ def _unsigned(record: Record, _: RunKind) -> Finding | None:
     return Finding("torque-unsigned", CRITICAL, message, {"files": (record.file,)}, {"torque": np.inf})
 
 
-def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
+def _loaded_at_start(record: Record, _: RunKind, deviations: float = DEVIATIONS) -> Finding | None:
     """Slow loading whose torque does not begin at zero, by the line through its first samples."""
     if record.torque is None or record.torque.size < _PARTS:
         return None
@@ -136,7 +134,7 @@ def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
     error = np.sqrt(rest @ rest / (first - 2) * of_begins * inflation(rest))
     largest = float(np.abs(record.torque).max())
     # 0.02 of the largest torque of slow loading: what it begins with is told beyond this
-    if abs(begins) <= max(DEVIATIONS * error, 0.02 * largest):
+    if abs(begins) <= max(deviations * error, 0.02 * largest):
         return None
     share = abs(begins) / largest
     message = (
@@ -147,7 +145,7 @@ def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
     return Finding("loaded-at-start", CAUTION, message, {"files": (record.file,), "torque": begins, "share": share})
 
 
-def _dead_zone(record: Record, _: RunKind) -> Finding | None:
+def _dead_zone(record: Record, _: RunKind, piled: float = PILED) -> Finding | None:
     """A torque of a moving joint that is exactly zero far too often where its sign changes."""
     torque, position = record.torque, record.position
     if torque is None or position is None or record.voltage is not None:
@@ -156,7 +154,7 @@ def _dead_zone(record: Record, _: RunKind) -> Finding | None:
     # a dead zone takes at least 5e-4 of the samples, 4 of them, and 4 times as many as any other level
     if zero.sum() < max(5e-4 * torque.size, 4):
         return None
-    if zero.sum() < _PILED * np.unique(np.abs(torque[~zero]), return_counts=True)[1].max(initial=0):
+    if zero.sum() < piled * np.unique(np.abs(torque[~zero]), return_counts=True)[1].max(initial=0):
         return None
     starts, stops = (np.flatnonzero(np.diff(np.pad(zero.astype(int), 1)) == sign) for sign in (1, -1))
     whole = (starts > 0) & (stops < torque.size)

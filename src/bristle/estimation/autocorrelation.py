@@ -4,11 +4,10 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from bristle.arrays import Array
-from bristle.estimation.levels import PATTERN, POOR
+from bristle.estimation.levels import FEW, NOISE, POOR
 from bristle.findings import CRITICAL, NOTE, Finding
 
 _WINDOW = 5.0  # Sokal's c: the sum ends at c integrated autocorrelation times
-_FEW = 8
 
 
 def autocorrelation(x: Array) -> Array:
@@ -73,11 +72,11 @@ def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:
 
     Noise is half the mean square of successive differences (von Neumann, 1941). None of fewer than eight equations.
     """
-    if residuals.size < _FEW or not norm > 0:
+    if residuals.size < FEW or not norm > 0:
         return ()
     power, n = float(residuals @ residuals), residuals.size
     noise = min(float(np.sum(np.diff(residuals) ** 2)) / 2 * n / (n - 1), power)
-    if power - noise <= max((POOR * norm) ** 2, PATTERN / np.sqrt(n) * power):
+    if power - noise <= max((POOR * norm) ** 2, NOISE / np.sqrt(n) * power):
         return ()
     error, of_noise = 100 * np.sqrt(power) / norm, 100 * np.sqrt(noise) / norm
     message = (

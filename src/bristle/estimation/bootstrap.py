@@ -99,7 +99,7 @@ def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Ar
     return theta, np.sqrt(np.diag(inner)[:, None] * cost)
 
 
-def variances_differ(residuals: Array, place: Array) -> bool:
+def variances_differ(residuals: Array, place: Array, significance: float = SIGNIFICANCE) -> bool:
     """Whether the variance depends on the place: Koenker's test of a parabola in its logarithm."""
     x, square = np.log(np.abs(place)), residuals**2
     if residuals.size < 10 or not np.ptp(x) > 0 or not square.any():
@@ -108,7 +108,7 @@ def variances_differ(residuals: Array, place: Array) -> bool:
     basis = np.linalg.qr(np.column_stack([np.ones_like(s), s, s * s]))[0][:, 1:]
     total = float(np.sum((square - square.mean()) ** 2))
     share = float(np.sum((basis.T @ square) ** 2)) / total if total > 0 else 0.0
-    return bool(chdtrc(2, residuals.size * share) < SIGNIFICANCE)
+    return bool(chdtrc(2, residuals.size * share) < significance)
 
 
 def bootstrap_at(solution: MultistartSolution[Name]) -> tuple[dict[Name, tuple[Array, Array]], int]:

@@ -52,6 +52,6 @@ def warnings(
     return (*none, Finding("intervals-differ", NOTE, message, {"sides": tuple(sides), "reason": why}))
 
 
-def _part(reaches: Sequence[float], value: float) -> bool:
-    """Whether reaches differ by more than FACTOR, rounding apart."""
-    return len(reaches) > 1 and max(reaches) > FACTOR * max(min(reaches), 0.0) + _ROUNDING * abs(value)
+def _part(reaches: Sequence[float], value: float, factor: float = FACTOR) -> bool:
+    """Whether reaches differ by more than factor, rounding apart."""
+    return len(reaches) > 1 and max(reaches) > factor * max(min(reaches), 0.0) + _ROUNDING * abs(value)

@@ -1,16 +1,128 @@
-"""Levels of tests and intervals, and sizes from which something is said."""
+"""Levels of tests, and limits from which a finding is reported, a model chosen or data left out.
 
+Each is the default of an argument, or read where a function applies several. Tolerances and grids stand elsewhere.
+"""
+
+# Tests
 CONFIDENCE = 0.95  # of every interval
+NORMAL = 1.96  # standard errors: half the width of a normal interval of that confidence
 SIGNIFICANCE = 0.01  # of a test that adds a term, leaves a point out or separates runs; Bonferroni over what it tries
-RARE = 1e-3  # of a test that every experiment undergoes and that warns of the user's set-up
+RARE = 1e-3  # of a test that every experiment or fleet undergoes: one false alarm in a thousand
+START_WORTH = 0.1  # p-value of a Stribeck term from which a descent starts with it; the fit is tested again
 NO_SIGN = 0.5  # noise alone shows as much in half of all cases
 NAMED = 0.05  # of compared sessions or joints (Holm): one false change in twenty comparisons
 FALSE_DISCOVERIES = 0.05  # share among the joints of a fleet that are said to have changed: one in twenty
+SURE = 3.0  # standard errors from which a sign, a difference or a contradiction is sure: 0.3 % by chance
+NOISE = 3.3  # standard deviations that noise exceeds once in 2000 times: from there a pattern or a delay is real
+DEVIATIONS = 4.0  # standard errors of a check that every record undergoes: 6e-5 of clean records
+EARLY = 5.0  # standard errors by which a motion is before its command: impossible, so nearly no chance is allowed
+LEAST_FREEDOM = 4.0  # degrees of freedom: a variance of fewer is too uncertain to be used
 
+# Sizes of effects
+MATTERS = 0.01  # of friction, alpha_0, a level or a gain: a smaller effect is a note, or none
+EXPLAINS = 0.05  # of squares or of a variance: a term or parameter that explains less is not reported
+RELATED = 0.1  # of the variance of a torque: its motion explains at least as much
 POOR = 0.15  # of the measured torque: a larger pattern in what a fit leaves, and its parameters mean nothing
-PATTERN = 3.3  # over sqrt(n): share of white noise outside its differences, exceeded once in 2000 times
-EXPLAINS = 0.05  # of the residuals' squares: a term that explains less is not reported
-MATTERS = 0.01  # of rms friction, or of a level: a smaller effect is a note
-FEW, ENOUGH = 8, 20  # blocks: fewer give no bootstrap interval; below the second they explain one that differs
-FACTOR = 1.5  # ratio of reaches from which intervals differ
+FACTOR = 1.5  # ratio from which reaches of intervals, errors of fits, residuals of runs or fitted sizes differ
+MUCH_WORSE = 2.0  # ratio of residuals of two fits, or at reversals (clean runs: 1.0 to 1.1): the worse one is wrong
+NEED = 10.0  # percent of friction: the required accuracy by default; an exported model that loses more is reported
+
+# Logs
+GAP = 5.0  # median intervals: nothing is interpolated or filtered across a longer one, by default
+UNEVEN = 0.05  # of a sampling interval, standard deviation: less of it hides nothing
+LONGEST_BRIDGE, BRIDGED, BRIDGED_NOISE = 200, 0.01, 1.5  # samples of a bridged gap, share of motion or noise it is off
+SHORTEST = 16  # samples of a segment between gaps: fewer cannot be filtered
+JUMP = 10.0  # standard deviations of a step: noise of steps goes no further
+HELD_READING = 3  # times that a reading repeats, and counts by which it then catches up: a held one, no rest
+SAME_FACTOR = 0.05  # by which two statements of a count, rate or gear differ at most: all are known better than that
+KNOWN_FACTOR = 0.01  # within which a larger factor is a known one, as of another unit
+NEAR_COUNTS = 50.0  # counts: steps up to here tell the count; beyond, rounding in the log adds up
+POWER_OF_TWO, COARSEST = 5e-5, 256  # counts a turn: in three other units, random ones are so near once in 2000 times
+PILED, PILED_BESIDE = 4.0, 3  # clipped: the extreme is taken 4 times as often as any of the 3 levels next to it
+UNSIGNED, UNSIGNED_TURNS = 200, 4  # samples, and turns, that show that a torque has no sign
+INERTIA_STANDS = (0.003, 0.25)  # of the inertia, of its standard error: by which a lower cut-off must raise it
+JOINT_RESTS = 1e-3  # rad or m: a joint that goes no further rests
+
+# A fit, and the choice of its model
+WIDE, VAGUE = 0.5, 0.3  # relative standard errors: a parameter is not identifiable; a presliding curve has fewer knots
+HARDLY_SEEN = 1e-2  # of the largest singular value: directions below are hardly seen
+ALIKE = 50.0  # condition number of set-ups whose columns are too similar
+USELESS = 100.0  # percent of friction: the error of no model
+BIC_GAIN = 10.0  # very strong evidence (Kass and Raftery 1995), required of another law or of two directions
+WORTH = 1.05  # ratio of errors on left-out parts from which a larger model is taken: less may be luck
+CLEARLY = 0.75  # ratio of errors below which another set-up is clearly better than the one asked for
+LOWER = 0.9  # ratio of residuals below which a term, a delay or a wider low pass is taken
+BENT = 4.0  # ratio of costs from which a term that bends the whole curve is kept
+NO_COULOMB = 1e-3  # of the torque: less Coulomb friction is none
+OPINIONS_APART = 5.0  # percent of friction: a second opinion that differs by less agrees
+SLOWEST_SHOWN = 5  # equations: from the speed of the fifth slowest on, moving runs show the curve
+ONE_RUN = 10.0  # ratio of standard errors without a run from which that run alone determines the parameter
+LATEST_DELAY = 0.05  # s, of a log; a larger one stands for another term, such as friction that rises with load
+BIAS_UNSURE, NAMED_BIAS = 0.5, 0.1  # standard errors of a bias by counts: less sure, not corrected; smaller, not named
+
+# Least numbers
+FEW, ENOUGH = 8, 20  # blocks, points, equations, count edges: fewer tell nothing; below the second, not much
+EQUATIONS_EACH = 2  # equations per unknown of a fit
+SPARE_POINTS = 4  # points beyond the parameters for a comparison by BIC
+SAMPLES_EACH = 4  # samples per column for a test of a relation
+SEVERAL = 5  # points, holds, joints of a type, independent samples: fewer show no order, no drift and no spread
+JACKKNIFE_RUNS = 3  # runs for a jackknife: two give one difference
+PATTERN_EQUATIONS, INDEPENDENT = 300, 30  # equations, and independent ones, whose patterns are judged
+RESOLVED = 5  # samples while a motion passes the bristle's deflection: fewer do not show its stiffness
+
+# Constant velocities
+HOLDS, LOADS = 0.79, 0.7  # shares of motion, of loading: with less a run tells more as a tracking run
+LOADS_ALONE = 0.9  # share of loading from which a run needs no other runs
+HELD_SPEEDS = 4  # speeds held in all: points of fewer tell hardly more than a level
+PLATEAU_BLOCKS = 6  # blocks in a plateau: enough to tell a drift from noise
+SHORT_PLATEAU = 0.25  # of the typical plateau: what is shorter in time and in travel is a piece of something else
+ONE_SPEED = 1.25  # ratio of fastest to slowest speed below which they count as one: no slope is known
+ONE_STRAY_IN = 8  # points per stray at most, or two strays of few points: more are no exception
+STRAYS, NEIGHBOURS = 0.1, 3  # share of strays, and strays in a row, from which they are a feature of the curve
+NOT_SLIDING = 0.85  # of alpha_0 of faster points: slow points with less friction do not slide
+IN_ORDER = 0.9  # rank correlation of speed and time from which they are confounded
+CORRECTED = 0.2  # standard errors of a point: smaller corrections for settling are not made
+ON_THE_WAY = 0.1  # of a hold's speed: the way to the hold counts from so near on
+STRAIGHT = 2.0  # of a hold's largest distance from its line: so straight a way before the hold moves as fast
+
+# Moving runs
+AT_REST = 0.01  # of the total way: less in a direction is rest
+SWING = 0.1  # rad: over less, gravity cannot be told from a spring and a constant
+ONE_RATE = 1.05  # ratio of sampling intervals that counts as one
+SLOW_PASSES, SLOW_SHARE = 0.3, 0.5  # of a slow torque: most passes of its mean a cut-off period (noise 1.15), share
+ROUGHER = 3.0  # ratio of (1 - lag-one correlation) from which a torque is noise beside its motion
+FILTER_WEIGHT = 0.02  # of the weights of an equation: samples with less do not count
+SLID = 5.0  # deflections g0 / sigma_0 after a reversal from which a joint slides: exp(-5) is left
+FILTERED = 2.0  # periods of the position's cut-off about a reversal in which the low pass rounds it off
+TURNING, TURNING_BESIDE = 0.1, 2  # of the rms speed: slower equations, and two neighbours each, are at a reversal
+CORRELATED = 0.9  # lag-one correlation of residuals that are a pattern: noise is 1 - 0.9**2 at most
+BURST, BURST_IN = 0.25, 0.01  # share of squares in so few equations: 0.08 for normal noise, 0.16 for Laplace's
+NEARLY_ALL, NOISE_ADDS = 0.99, 1.1  # share of readings below a saturation, and ratio by which noise exceeds it
+
+# Slow loading
+LARGEST_BEND = {"revolute": 0.1, "prismatic": 0.005}  # rad, m: no bristle bends further
+PROMINENT, CLOSED = 0.1, 0.1  # of the range of torque: a smaller turn is none; ends of a cycle are no further apart
+ONSET = 10.0  # times the speed of the first half of loading: sliding; a tenth below g0 LuGre's creep is as fast
+REACH, NEAREST = 0.8, 0.97  # of g0: log(1 - T / g0) amplifies noise of T above; noise above the second is cut off
+SOFTER = 0.05  # fall of the stiffness beyond LuGre's: viscous torque and filters cause less
+OUTLIER = 0.2  # relative distance from the median breakaway torque
+
+# Robots
+BEYOND_LIMIT, SAMPLES_BEYOND = 0.01, 0.0005  # of a limit: rad, m or share of a speed; share of samples: less is noise
+PEAK_EFFORT, NO_DRIVE = 1.5, 5.0  # of the URDF's effort: a peak, and more than any drive has
+LINK_TORQUE = 0.05  # of a joint's torque: smaller link torques are not reported
+LINKS_OFF = 0.1  # errors of the links' scale below are those of URDF masses
+ORDER_BETTER = 0.5  # fall of the sum of log(relative error) by which another order of joints is right
+
+# Sessions, fleets and other questions
+LEAST_JOINTS = 10  # joints of a type for a shift common to them
+BASELINE = 3  # first sessions of a joint, without a change: fewer show no scatter
+TESTED_FREEDOM, FEW_FREEDOM = 1.5, 10.0  # degrees of freedom of the scatter over sessions: for a test; for no note
+CLEAR = 2.0  # standard errors of the median of a parameter: one consistent with zero is not compared
+ONE_RATIO = 0.5  # of their mean: relative changes of a smaller range are one ratio, as of a torque constant
+MIXED, MIXED_HOLDS = 0.25, 0.5  # of a run's motion, of holds with moves between them: more of another kind is reported
+FINE_ENOUGH = 0.1  # of the statistical error of v_s: what a fine grid adds, which widens it by 0.5 %
+MOST_DECLINED = 0.5  # share of data sets without a finite interval beyond which v_s is not identifiable
+WORSE_LOOP, DIVERGED = 1.1, 10.0  # RMS tracking error: ratio at which two differ; amplitudes of a loop that diverges
+CYCLE_SWINGS, CYCLE_COUNTS, CYCLE_BEND = 4, 3.0, 0.02  # limit cycle: swings; width in counts, in bristle deflections
 FASTER = 30.0  # largest speed of a reference over the fastest measured: the law is extrapolated so far at most

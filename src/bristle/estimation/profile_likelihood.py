@@ -45,10 +45,10 @@ class Profiled(NamedTuple):
     warnings: tuple[Finding, ...] = ()
 
 
-def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:
+def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0, confidence: float = CONFIDENCE) -> float:
     """The cost at the ends of a 95 % interval, J_min + d; S is the `inflation`."""
     freedom = max(n / inflation - p, 1.0)
-    return cost * (1 + inflation * float(fdtri(1, freedom, CONFIDENCE)) / max(n - p, 1))
+    return cost * (1 + inflation * float(fdtri(1, freedom, confidence)) / max(n - p, 1))
 
 
 def interval_on_grid(

@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.special import chdtr, chdtri
 
 from bristle.arrays import Array
-from bristle.estimation.levels import CONFIDENCE
+from bristle.estimation.levels import CONFIDENCE, ENOUGH
 
 SCALE = 2.0  # c of the variance, standard deviations
 BEND = 1.345  # c of the coefficients: 95 % efficiency with normal errors
@@ -19,7 +19,6 @@ SCALE_EFFICIENCY = 0.88  # of the variance's estimate with normal errors, at `SC
 _PASSES = 60
 _SETTLED = 1e-7
 _LEAST_VARIANCE = 1e-200
-_MANY = 20  # least groups for a covariance by their scores
 
 
 def expected_square(bend: float) -> float:
@@ -78,7 +77,7 @@ def fit_differences(
     """Fit y = level of its owner + regressors @ coefficients + error by successive differences, robust to a step.
 
     Observations, (n,), are sorted by owner and time; regressors are (n, p). The covariance is of scores summed over
-    `groups` where there are `_MANY`, else of the model.
+    `groups` where there are `ENOUGH`, else of the model.
     """
     d, X = y[first + 1] - y[first], regressors[first + 1] - regressors[first]
     v = known[first] + known[first + 1]
@@ -100,7 +99,7 @@ def fit_differences(
     s2 = np.maximum(2 * variance + v, np.finfo(float).tiny)
     u = (d - X @ b) / np.sqrt(s2)
     names, owner = np.unique(groups[first], return_inverse=True)
-    if names.size >= _MANY:
+    if names.size >= ENOUGH:
         inverse = np.linalg.pinv((X * ((np.abs(u) < BEND) / s2)[:, None]).T @ X, hermitian=True)
         scores = np.zeros((names.size, p))
         np.add.at(scores, owner, X * (np.clip(u, -BEND, BEND) / np.sqrt(s2))[:, None])

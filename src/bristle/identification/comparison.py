@@ -12,7 +12,6 @@ from bristle.estimation.information import bic, power_of
 from bristle.findings import Finding
 
 SYMMETRIC, APART = "symmetric", "per direction"
-GAIN = 10.0  # of BIC: very strong evidence (Kass and Raftery 1995), required of another law or of two directions
 _BLOCKS = 5
 Data = Literal["points", "moving runs"]
 LeftOut = float | None

@@ -9,12 +9,12 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
+from bristle.estimation.levels import MUCH_WORSE, NORMAL, OPINIONS_APART, SLOWEST_SHOWN
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.known_joint import KnownJoint, Source, as_identified, chosen, known_joint, value_fits
 from bristle.identification.measured import Measured
 from bristle.identification.results import Accuracy, Joint
 from bristle.identification.second_opinion import SecondOpinion, of_motion, of_points
-from bristle.identification.systematic import NORMAL
 from bristle.identification.verdict import value_warnings
 from bristle.model.functions import steady_jacobian_function, steady_torque_function
 from bristle.model.parameters import (
@@ -31,12 +31,9 @@ from bristle.model.vectorize import evaluate
 
 _DRAG = "quadratic"
 SPEEDS, LEAST = 60, 0.02  # of a motion, each way: speeds at which the curve is looked at, the least over the greatest
-_FEW = 5  # equations at the slowest speed of which something is known
 BIASED = 1.5
 """Times what the errors tell: filters, counts, settling and the choice of a set-up bend a curve too. Set on one half of the simulated joints of
 `benchmarks/calibration.py`, so that 93 % of clean curves lie within the band."""
-APART = 5.0  # percent of friction: a second opinion that differs by less differs by nothing
-WORSE = 2.0  # times what the fit leaves of the torque: an opinion that leaves more is the one that is wrong
 
 
 def curve(v: Array, p: Stribeck[float]) -> Array:
@@ -190,8 +187,8 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
         opinion = of_points(np.array([s.velocity for s in points]), np.array([s.torque for s in points]))
     if opinion is not None:
         differs, explained = _differs(joint, opinion, v)
-        worse = opinion.held_out > WORSE * max(fit.relative_error or 0.0 for fit in fits)
-        apart = differs if differs > max(explained, APART) and not worse else 0.0
+        worse = opinion.held_out > MUCH_WORSE * max(fit.relative_error or 0.0 for fit in fits)
+        apart = differs if differs > max(explained, OPINIONS_APART) and not worse else 0.0
     # between one friction and two lies the offset, or half of what the levels differ by; nothing beside gravity, which an offset is part of
     values = {row.parameter: row.estimate.value or 0.0 for row in chosen(joint)}
     plus, minus = (values.get(ParameterName("alpha_0", d), 0.0) for d in SIGNED)
@@ -223,7 +220,7 @@ def slowest_shown(fits: Sequence[StaticFit | TrackingFit], top: float) -> float:
         if isinstance(fit, TrackingFit) and fit.velocity.size > 1:
             peak, v = in_direction(fit.parameters, "alpha_1", SIGNED[int(top < 0)]), fit.velocity
             seen = v[np.abs(np.gradient(v)) < np.abs(v)] / top if peak is None or peak.value is None else seen
-    return top * float(np.sort(seen[seen > LEAST])[:_FEW].max(initial=LEAST))
+    return top * float(np.sort(seen[seen > LEAST])[:SLOWEST_SHOWN].max(initial=LEAST))
 
 
 def _withheld(fit: TrackingFit, v: Array) -> float:

@@ -15,8 +15,9 @@ from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
+from bristle.estimation.levels import BIC_GAIN, EARLY, LATEST_DELAY, LOWER, NO_COULOMB, SURE
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.identification.comparison import APART, GAIN, SYMMETRIC, Comparison
+from bristle.identification.comparison import APART, SYMMETRIC, Comparison
 from bristle.identification.curve import LEAST, accuracy_of, band, curve
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
 from bristle.identification.dynamic.problem import Values
@@ -56,12 +57,9 @@ from bristle.model.laws.registry import AUTO, PAPER
 from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, slides, unit
 from bristle.progress import Progress, step
 
-_WIDER, _LESS = (1.6, 2.5, 4.0), 0.9  # factors on the low pass, and the ratio of residuals that shows it was too narrow
-_LATEST = 0.05  # s: largest delay of a log; a larger one stands for another term, such as friction that rises with load
+_WIDER = (1.6, 2.5, 4.0)  # factors on the low pass
 _SHIFTS = 6  # most corrections of a delay, each of first order
-_SURE, _FAR = 5.0, 3.0  # standard errors of a delay before its command, and of negative viscous friction
 _ROUNDS = 4  # most corrections of holds for settling
-_NOTHING = 1e-3  # of the torque: less Coulomb friction is none
 _CHOICES = 2  # choices of a law by moving runs: the load, then peak and terms
 _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
 
@@ -209,7 +207,7 @@ class _Decisions:
             if fit.set_up == AS_WRITTEN or share < 1 / 2 or term in (fit.regressors or ()):
                 continue
             more = with_periods(with_options(self.measured, regressors=(*(fit.regressors or ()), term)))
-            if self._take(more, _LESS):
+            if self._take(more, LOWER):
                 asked, orders = ", ".join(more.experiment.fit.regressors or ()), more.experiment.fit.orders
                 asked += f" of order {', '.join(map(str, orders))}" if isinstance(orders, tuple) and orders else ""
                 why = f"{term} explains {100 * share:.0f} % of what the others leave"
@@ -224,7 +222,7 @@ class _Decisions:
         compared = partial(bic_of_directions, measured, joint.tracking)
         bic, ended = compared()
         self.bic = bic
-        if not bic or bic[APART] >= bic[SYMMETRIC] - GAIN:
+        if not bic or bic[APART] >= bic[SYMMETRIC] - BIC_GAIN:
             return
         sided = _with_directions(measured, "separate")
         each = self._again(sided, ended)
@@ -241,15 +239,15 @@ class _Decisions:
             )
             if alike or any(w.code == "offset-or-friction" for w in fit.warnings):
                 bic[APART] = np.nan
-            least = _NOTHING * float(np.sqrt(np.mean(fit.measured**2)))
+            least = NO_COULOMB * float(np.sqrt(np.mean(fit.measured**2)))
             levels = (e.value for name, e in fit.parameters.items() if name.name == "alpha_0")
             bic[APART] = bic[APART] if all(x is not None and x > least for x in levels) else np.inf
-        if bic[APART] < bic[SYMMETRIC] - GAIN:
+        if bic[APART] < bic[SYMMETRIC] - BIC_GAIN:
             self.measured, self.joint = sided, each
 
     def _low_pass(self) -> None:
         """Take a wider low pass if residuals fall by a tenth: the narrower one then filtered out part of the motion."""
-        found, most = None, _LESS
+        found, most = None, LOWER
         if self.measured.experiment.fit.position_cutoff is not None or self.joint.tracking is None:
             return
         for factor in _WIDER:
@@ -298,10 +296,10 @@ class _Decisions:
                 more = next((float(w.numbers["delay"]) for w in found), 0.0)
             elif abs(more) < error:
                 break
-            if not more or abs(late + more) >= _LATEST:
+            if not more or abs(late + more) >= LATEST_DELAY:
                 break
             # once, for to interpolate smooths
-            if not self._take(without_delay(as_logged, late + more), 1.0 if late or source in COMMANDS else _LESS):
+            if not self._take(without_delay(as_logged, late + more), 1.0 if late or source in COMMANDS else LOWER):
                 break
             late, moving = late + more, self.joint.moving or moving
         error = moving.late[1]
@@ -326,9 +324,9 @@ class _Decisions:
         )
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
         half = max((r.fine or r).step for r in measured.moving(hold_out=False)) / 2  # the resolution of rows
-        self.doubts = (early,) if late > max(_SURE * error, half) else self._feedback(late)
+        self.doubts = (early,) if late > max(EARLY * error, half) else self._feedback(late)
         told, reach = "as the drive makes it of its commands", student(np.inf) * error
-        if reach < _LATEST:
+        if reach < LATEST_DELAY:
             digits = max(1 - int(np.floor(np.log10(error))), 0)
             value, off, low, high = (f"{x:.{digits}f}" for x in (-late, error, -late - reach, -late + reach))
             told += f", {value} +/- {off} s late [{low}, {high}]"
@@ -349,7 +347,7 @@ class _Decisions:
             return ()
         lower, of = -late * gain.value, unit("alpha_2", experiment.joint.kind)
         viscous = [x.estimate for x in chosen(self.joint) if x.parameter.name == "alpha_2"]
-        if any(e.value is not None and e.value - lower < -_FAR * (e.standard_error or 0.0) for e in viscous):
+        if any(e.value is not None and e.value - lower < -SURE * (e.standard_error or 0.0) for e in viscous):
             return ()  # friction would drive
         speed = float(np.sqrt(np.mean(np.concatenate([np.asarray(v) for v in velocity]) ** 2)))
         message = (
@@ -427,7 +425,7 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     if not np.isfinite(more):
         return f"{took}, for {left} would leave a direction without friction, or drive it (fit.directions overrules)"
     higher = -more if apart else more
-    how = "worse" if higher >= 0 else f"better, by less than {GAIN:g}"
+    how = "worse" if higher >= 0 else f"better, by less than {BIC_GAIN:g}"
     return f"{took}; {left} fits {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"
 
 

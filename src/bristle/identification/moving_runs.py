@@ -16,21 +16,13 @@ from bristle.data.experiment.schema import PERIODIC, PlusMinus
 from bristle.data.record import Record
 from bristle.data.signal_checks import merged
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation, lag_one
-from bristle.estimation.levels import SIGNIFICANCE
 from bristle.model.functions import load_terms_function, periodic_terms_function
 from bristle.model.laws import registry
 from bristle.model.parameters import Kind, periodic, slides
 from bristle.model.vectorize import evaluate
 
-_PASSES, _MOSTLY = 0.3, 0.5  # of a slow torque: most passes of its mean per cut-off period (noise: 1.15), least share
-_ROUGHER = 3.0  # ratio of (1 - lag-one correlation) from which a torque is noise beside its motion
-_EXPLAINED = 0.1  # least share of the variance of a torque that its motion explains
-_AT_REST = 0.01  # of the total way: less in a direction is rest
-_FEWEST = 4  # samples per column, below which a relation is not tested
-ONE_RATE = 1.05  # ratio of sampling intervals that counts as one
-_SURELY = 3.0  # standard errors by which a torque opposes the velocity
-_SWING = 0.1  # rad: over less, gravity is a spring and a constant
 _DROWNS = 1e9  # times the measured torque: a larger inertial torque leaves none of its digits
 DIRECTIONS = {"+": 1.0, "-": -1.0}
 
@@ -57,7 +49,6 @@ _NEEDED = ("position", "velocity", "acceleration", "link_torque")  # arguments o
 _PER_METRE = "/m"  # suffix of an order of a prismatic joint
 _ENDS = 5  # least length of a segment, in transients of the decimation filter
 _KERNEL_TAIL, _DIED_OUT = 1e-4, 1e-8  # of its peak: where the kernel is cut, and where its transient ends
-_PART = 0.02  # of the weights of an equation: samples with less do not count
 
 
 def terms_of(regressor: str) -> Regressor:
@@ -95,10 +86,10 @@ def regressors_of(parameters: Collection[str], kind: Kind) -> tuple[str, ...]:
     return (*plain, *dict.fromkeys(each))
 
 
-def shows_gravity(kind: Kind, *positions: Array) -> bool:
+def shows_gravity(kind: Kind, *positions: Array, swing: float = levels.SWING) -> bool:
     """Whether positions, rad, of a joint that turns are far enough apart to show gravity."""
     whole = np.concatenate([np.zeros(0), *positions])
-    return bool(not slides(kind) and whole.size and np.ptp(whole) >= _SWING)
+    return bool(not slides(kind) and whole.size and np.ptp(whole) >= swing)
 
 
 def needed(record: Record, name: str) -> Array:
@@ -177,8 +168,8 @@ def loads_slowly(record: Record) -> bool:
     torque, cutoff = np.asarray(record.torque), record.cutoff
     slow = smoothed(record, torque, cutoff, noisy=True) if cutoff < 0.5 / record.step else torque
     passes = np.count_nonzero(np.diff(np.signbit(slow - slow.mean())))
-    seldom = passes < max(_PASSES * cutoff * torque.size * record.step, 2)
-    return bool(seldom and np.var(slow) > _MOSTLY * np.var(torque))
+    seldom = passes < max(levels.SLOW_PASSES * cutoff * torque.size * record.step, 2)
+    return bool(seldom and np.var(slow) > levels.SLOW_SHARE * np.var(torque))
 
 
 def refuse_opposing(
@@ -192,7 +183,7 @@ def refuse_opposing(
         beside = np.linalg.lstsq(basis, torque, rcond=None)[0]
         rest, own = torque - basis @ beside, basis[:, 0] - others @ np.linalg.lstsq(others, basis[:, 0], rcond=None)[0]
         error = np.sqrt(inflation(rest) * (rest @ rest) / max(torque.size - beside.size, 1) / (own @ own))
-        opposes = beside[0] < -_SURELY * error
+        opposes = beside[0] < -levels.SURE * error
     if opposes:
         raise InputError(
             f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
@@ -203,7 +194,7 @@ def refuse_opposing(
 def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bool:
     """Whether a torque (n,) is noise: an F test at 1 % of sgn(v), v and, over time, `others`, (n, k)."""
     basis = np.column_stack([np.sign(velocity), velocity, *([] if others is None else [others])])
-    if velocity.size < _FEWEST * basis.shape[1] or np.median(np.abs(torque - np.median(torque))) == 0:
+    if velocity.size < levels.SAMPLES_EACH * basis.shape[1] or np.median(np.abs(torque - np.median(torque))) == 0:
         return False  # a mostly constant torque is not noise
     if velocity.size and velocity.min() < 0 < velocity.max():
         basis, torque = basis - basis.mean(axis=0), torque - torque.mean()
@@ -213,10 +204,10 @@ def unrelated(velocity: Array, torque: Array, others: Array | None = None) -> bo
     course = others is not None
     freedom = torque.size / (inflation(rest) if course else 1.0) - k - 1
     explained = 1 - left / total if total > 0 else 1.0
-    smooth = 1 - lag_one(rest) < _ROUGHER * (1 - lag_one(velocity))
-    if freedom < 1 or left <= 0 or (course and (smooth or explained > _EXPLAINED)):
+    smooth = 1 - lag_one(rest) < levels.ROUGHER * (1 - lag_one(velocity))
+    if freedom < 1 or left <= 0 or (course and (smooth or explained > levels.RELATED)):
         return False
-    return float(fdtrc(k, freedom, (total - left) / k / left * freedom)) > SIGNIFICANCE
+    return float(fdtrc(k, freedom, (total - left) / k / left * freedom)) > levels.SIGNIFICANCE
 
 
 def refuse_opposing_runs(experiment: Experiment, records: Sequence[Record]) -> None:
@@ -248,11 +239,11 @@ def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, 
     return moved_in(records) if experiment.fit.directions == "separate" else ("both",)
 
 
-def moved_in(records: Sequence[Record]) -> tuple[str, ...]:
+def moved_in(records: Sequence[Record], at_rest: float = levels.AT_REST) -> tuple[str, ...]:
     """Directions that make more than a hundredth of the total way of the records."""
     velocity = np.concatenate([_of(r, "velocity") for r in records])
     way = {d: float(np.maximum(velocity * sign, 0.0).sum()) for d, sign in DIRECTIONS.items()}
-    return tuple(d for d, x in way.items() if x > _AT_REST * sum(way.values()))
+    return tuple(d for d, x in way.items() if x > at_rest * sum(way.values()))
 
 
 def inertia(experiment: Experiment) -> tuple[float | None, PlusMinus | None]:
@@ -308,7 +299,7 @@ def decimator(
 
 def _without(smooth: sparse.csr_array, unknown: NDArray[np.bool_] | None) -> sparse.csr_array:
     """The equations, (m, n), without those that use marked samples, (n,); all if none would be left."""
-    known = np.zeros(0, bool) if unknown is None else abs(smooth) @ unknown.astype(float) < _PART
+    known = np.zeros(0, bool) if unknown is None else abs(smooth) @ unknown.astype(float) < levels.FILTER_WEIGHT
     return sparse.csr_array(smooth[known]) if known.any() and not known.all() else smooth
 
 

@@ -6,14 +6,12 @@ import numpy as np
 from scipy.special import stdtr
 
 from bristle.data.constant_velocity.segments import Segment
-from bristle.estimation.levels import SIGNIFICANCE
+from bristle.estimation.levels import IN_ORDER, SEVERAL, SIGNIFICANCE
 from bristle.findings import CAUTION, Finding, in_direction, unit_of
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
 from bristle.identification.moving_runs import DIRECTIONS
 
-_ENOUGH = 5  # points of a direction for an order, and holds for a drift
-_IN_ORDER = 0.9  # rank correlation of speed and time from which they are confounded
 _SETTLES = 6  # the first of so many parts of a hold is left out
 
 
@@ -25,8 +23,8 @@ def point_warnings(measured: Measured, points: Sequence[Segment], static: Mappin
     for d, sign in DIRECTIONS.items():
         speeds = [abs(s.velocity) for s in points if s.velocity * sign > 0]
         ranks = np.argsort(np.argsort(speeds))
-        order = float(np.corrcoef(ranks, np.arange(len(speeds)))[0, 1]) if len(speeds) >= _ENOUGH else 0.0
-        in_order |= {d: order} if abs(order) > _IN_ORDER else {}
+        order = float(np.corrcoef(ranks, np.arange(len(speeds)))[0, 1]) if len(speeds) >= SEVERAL else 0.0
+        in_order |= {d: order} if abs(order) > IN_ORDER else {}
     scatter = max((fit.rms for fit in static.values() if fit.rms is not None), default=np.inf)
     level = float(np.median(np.abs([s.torque for s in points]))) if points else 0.0
     if not in_order or not level:
@@ -39,7 +37,7 @@ def point_warnings(measured: Measured, points: Sequence[Segment], static: Mappin
         time = record.time[part] - record.time[part].mean()
         slopes[k] = float(time @ torque[part]) / (float(time @ time) or 1.0) * float(np.sign(s.velocity))
         durations[k] = np.ptp(time)
-    if np.count_nonzero(durations) < _ENOUGH:
+    if np.count_nonzero(durations) < SEVERAL:
         return
     weight = durations**3 / np.sum(durations**3)  # the variance of a slope falls with the third power of its length
     mean = float(weight @ slopes)

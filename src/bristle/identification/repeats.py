@@ -9,15 +9,13 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array, Interval
 from bristle.estimation.covariance import moved_without_each, student
-from bristle.estimation.levels import SIGNIFICANCE
+from bristle.estimation.levels import JACKKNIFE_RUNS, ONE_RUN, SIGNIFICANCE
 from bristle.findings import CAUTION, Finding
 from bristle.identification.fits import Estimate, RunScatter, StaticFit, TrackingFit, Uncertainty
 from bristle.model.parameters import ParameterName, least_of
 
 Key = TypeVar("Key", bound=Hashable)
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
-_FEWEST = 3  # least runs for a jackknife
-_ALONE = 10.0  # ratio of standard errors without one run from which that run alone tells the parameter
 
 
 def scatter_of(
@@ -50,7 +48,7 @@ def clustered(
     `freedom` is that of the intervals. With white residuals (`independent`) an F test of all parameters at once counts
     too.
     """
-    if len(parts) < _FEWEST:
+    if len(parts) < JACKKNIFE_RUNS:
         return {}
     J = np.concatenate([jacobian for jacobian, _ in parts.values()])
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
@@ -64,7 +62,7 @@ def clustered(
     # parameters that one run alone determines are left out
     without = (np.linalg.eigh(gram - of_run) for of_run in grams)
     apiece = np.array([(V**2 / np.maximum(w, 1e-12 * w[-1])).sum(axis=1) for w, V in without])
-    told = np.all(apiece < _ALONE**2 * np.diag(inverse), axis=0).tolist()
+    told = np.all(apiece < ONE_RUN**2 * np.diag(inverse), axis=0).tolist()
     column = {name: k for k, name in enumerate(names) if told[k]}
     apart = independent and _differ(scaled)
     for name, e in of_all.items():
@@ -84,7 +82,7 @@ def clustered(
     return found
 
 
-def _differ(parts: Sequence[tuple[Array, Array]]) -> bool:
+def _differ(parts: Sequence[tuple[Array, Array]], significance: float = SIGNIFICANCE) -> bool:
     """Whether runs fitted apart leave significantly less than the fit of all."""
     rank, explained, left, n = 0, 0.0, 0.0, 0
     for X, rest in parts:
@@ -95,7 +93,7 @@ def _differ(parts: Sequence[tuple[Array, Array]]) -> bool:
     more, freedom = rank - parts[0][0].shape[1], n - rank
     if more < 1 or freedom < 1 or not left > 0:
         return False
-    return float(fdtrc(more, freedom, explained / more / (left / freedom))) < SIGNIFICANCE
+    return float(fdtrc(more, freedom, explained / more / (left / freedom))) < significance
 
 
 def _fewer(most: int, own: float) -> float:

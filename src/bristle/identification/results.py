@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from bristle.arrays import JsonForm, Number
 from bristle.data.constant_velocity.segments import Segment
 from bristle.errors import one_line
+from bristle.estimation.levels import NEED
 from bristle.findings import Finding, Severity, with_subjects
 from bristle.identification.comparison import Comparison
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -56,9 +57,6 @@ class Consistency:
     def differs(self) -> bool:
         """Whether they differ by more than chance."""
         return self.verdict.severity is not Severity.NOTE
-
-
-NEED = 10.0  # percent of friction: default of the required accuracy
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -5,6 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from bristle.estimation.levels import CORRECTED, ON_THE_WAY, STRAIGHT
 from bristle.identification.known_joint import chosen
 from bristle.identification.measured import Measured, judged
 from bristle.identification.results import Joint
@@ -13,9 +14,6 @@ from bristle.model.parameters import SIGNED, Pair, in_direction, lugre_of
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import evaluate
 
-_MATTERS = 0.2  # of a point's standard error: smaller corrections are not made
-_NEAR = 0.1  # of a hold's speed: range of the way to it that counts
-_STRAIGHT = 2.0  # of a hold's largest distance from its line: so straight a way before moves as fast
 _FIRST = 100  # one over the first part of a log, which tells the initial deflection
 
 
@@ -43,7 +41,7 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
                 if record.position is not None:
                     line = record.position - s.velocity * record.time
                     line -= line[s.start : s.stop].mean()
-                    bent = np.flatnonzero(np.abs(line[: s.start]) > _STRAIGHT * np.abs(line[s.start : s.stop]).max())
+                    bent = np.flatnonzero(np.abs(line[: s.start]) > STRAIGHT * np.abs(line[s.start : s.stop]).max())
                     begins[k] = max(int(bent[-1]) + 1 if bent.size else 0, *(x for x in record.starts if x <= s.start))
                 velocity[begins[k] : s.stop] = s.velocity
             for start, stop in pairwise([*record.starts, velocity.size]):
@@ -60,7 +58,7 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
                 off[k] = float(torque[s.start : s.stop].mean() - settled)
                 # approach of the torque to its mean since the last reversal, at the hold's speed
                 begun = slice(max(turns[turns <= begins[k]], default=0), s.stop)
-                near = np.abs(velocity[begun] - s.velocity) < _NEAR * abs(s.velocity)
+                near = np.abs(velocity[begun] - s.velocity) < ON_THE_WAY * abs(s.velocity)
                 left = record.torque[begun][near] - np.stack([torque[begun][near], np.full(near.sum(), settled)])
                 squares += ((left - left[:, s.start - s.stop :].mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
             if squares[0] < squares[1]:
@@ -68,4 +66,4 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
                     own[k] = replace(found[k], torque=found[k].torque - off[k])
             largest = max(largest, *(abs(own[k].torque - last[k].torque) / error for k in points))
         segments.append(tuple(own))
-    return judged(replace(measured, segments=tuple(segments))) if largest > _MATTERS else None
+    return judged(replace(measured, segments=tuple(segments))) if largest > CORRECTED else None

@@ -7,12 +7,10 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.estimation.levels import RARE
+from bristle.estimation.levels import MATTERS, RARE
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Crosscheck
 from bristle.model.parameters import SIGNED, Lugre, ParameterName
-
-_LEAST = 0.01  # of alpha_0: smaller offsets are not reported
 
 UNRESOLVED = frozenset({
     "unseen-unconverged", "unseen-below-count", "unseen-no-reversal", "unseen-fast", "unseen-halves",
@@ -115,7 +113,7 @@ def offset_or_friction(
     variance = float(S[0, 0] - S[0, 1:] @ weight @ S[1:, 0])
     a, b = (float(values[name]) for name in pairs[0])
     common = (a + b) / 2
-    if abs(twice) < 2 * _LEAST * common or not variance > 0:
+    if abs(twice) < 2 * MATTERS * common or not variance > 0:
         return []
     if (rest and fdtrc(rest, freedom, others / rest) < RARE) or fdtrc(1, freedom, twice**2 / variance) > RARE:
         return []

@@ -5,12 +5,12 @@ from dataclasses import replace
 from math import hypot, sqrt
 from typing import Any, TypeVar
 
+from bristle.estimation.levels import NORMAL
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit, Uncertainty
 from bristle.model.parameters import least_of
 
 Key = TypeVar("Key")
 Fitted = TypeVar("Fitted", StaticFit, TrackingFit)
-NORMAL = 1.96  # half-width of a normal 95 % interval, standard errors
 _ROUNDING = 1e-9  # of a value: smaller changes are zero
 
 

@@ -162,7 +162,7 @@ def one_way(loop: JointLoop) -> JointLoop:
     return replace(loop, plant=pair, model=pair, J=edro.inertia(pair), draws=())
 
 
-def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
+def of_experiment(experiment: Experiment, joint: Joint, faster: float = FASTER) -> JointLoop:
     """A user's joint with its `adapt` options, or defaults.
 
     Raises InputError where no inertia or no complete model is known, or an option is not possible.
@@ -177,10 +177,10 @@ def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     amplitude, frequency = requested_motion(asked, fastest)
     speed = 2 * np.pi * frequency * amplitude
     beyond = speed / fastest
-    if beyond > FASTER:
+    if beyond > faster:
         raise InputError(
             f"{experiment.path}: adapt: a reference of {amplitude:g} at {frequency:g} Hz is {beyond:.3g} times as fast as anything measured; "
-            f"expected at most {FASTER:g} times: lower adapt.amplitude or adapt.frequency"
+            f"expected at most {faster:g} times: lower adapt.amplitude or adapt.frequency"
         )
     if beyond > 1:
         message = f"The reference is {beyond:.2g} times as fast as anything measured: the model is extrapolated."

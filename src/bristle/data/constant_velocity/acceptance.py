@@ -13,6 +13,7 @@ from bristle.data.experiment.signals import Seconds, Speed
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.record import Record
 from bristle.estimation.autocorrelation import inflation, standard_error
+from bristle.estimation.levels import SEVERAL, SHORT_PLATEAU
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
 
@@ -143,10 +144,6 @@ def _weighted_median(x: Array, weight: Array) -> float:
     return float(x[order][np.searchsorted(total, total[-1] / 2)])
 
 
-_SHARE = 0.25  # of the typical plateau: what is shorter both in time and in travel is a piece of something else
-_INDEPENDENT = 5.0  # fewest independent samples of velocity and torque
-
-
 class Thresholds(StrictModel):
     """What a constant-velocity segment must satisfy, as under `segments`; None: from the data's own noise floor."""
 
@@ -192,11 +189,11 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> Finding | None:
         asked = f"segments.minimum_duration requires {t.minimum_duration:.3g} s"
     elif e.torque_error is None:
         asked = "fewer than two of its torque samples are independent"
-    elif e.samples < _INDEPENDENT * e.correlation:
-        least = _INDEPENDENT * e.correlation * e.duration / e.samples
-        asked = f"{_INDEPENDENT:g} independent samples require {least:.3g} s"
-    elif e.duration < _SHARE * usual.duration and abs(e.velocity) * e.duration < _SHARE * usual.distance:
-        duration, travel = _SHARE * usual.duration, _SHARE * usual.distance
+    elif e.samples < SEVERAL * e.correlation:
+        least = SEVERAL * e.correlation * e.duration / e.samples
+        asked = f"{SEVERAL:g} independent samples require {least:.3g} s"
+    elif e.duration < SHORT_PLATEAU * usual.duration and abs(e.velocity) * e.duration < SHORT_PLATEAU * usual.distance:
+        duration, travel = SHORT_PLATEAU * usual.duration, SHORT_PLATEAU * usual.distance
         asked = f"a quarter of this run's typical plateau, {duration:.3g} s or {travel:.3g} of travel, is required"
     else:
         return None

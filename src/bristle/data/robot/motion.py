@@ -22,6 +22,7 @@ from bristle.data.robot.robot_file import Robot
 from bristle.data.robot.urdf import Payload, Urdf
 from bristle.data.text_table import RawTable, Reader, read_table
 from bristle.errors import InputError, short_list
+from bristle.estimation.levels import JOINT_RESTS
 from bristle.findings import NOTE, Finding
 
 MAX_JOINTS = 100  # most joints that move: what Pinocchio keeps for a robot grows with their cube
@@ -105,9 +106,6 @@ def _under(model: Any, gravity: Sequence[float]) -> Any:
     return own
 
 
-_STILL = 1e-3  # rad or m: a joint that goes no further rests, too
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotMotion:
     """The motion of each joint in one run."""
@@ -170,7 +168,7 @@ def read_motions(robot: Robot, read: Reader) -> dict[str, RobotMotion]:
     motions = dict[str, RobotMotion]()
     for key, own in records.items():
         # a joint rests where it goes no further than 0.02 of its largest travel in any run
-        rests = {name for name, x in travels[key].items() if x <= max(_STILL, 0.02 * farthest[name])}
+        rests = {name for name, x in travels[key].items() if x <= max(JOINT_RESTS, 0.02 * farthest[name])}
         at = {name: x if isinstance(x, float) else float(np.median(np.asarray(x.position))) for name, x in own.items()}
         motions[key] = RobotMotion(
             file=called[key],
@@ -195,7 +193,7 @@ def _motion(experiment: Experiment, run: RunFiles, sources: list[Source], read: 
     keys = keys_of(signals)
     logged = table.columns[keys["position"]] * signals.position.factor("position", experiment.context)
     seen = logged[np.isfinite(logged)]
-    if seen.size and np.ptp(seen) <= _STILL:
+    if seen.size and np.ptp(seen) <= JOINT_RESTS:
         return shown, float(np.median(seen))
     velocity = None if signals.velocity is None else table.columns[keys["velocity"]]
     if velocity is not None and np.ptp(velocity[np.isfinite(velocity)]) == 0:

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtrc
 
-from bristle.estimation.levels import NO_SIGN, RARE, SIGNIFICANCE
+from bristle.estimation.levels import NO_SIGN, RARE, RESOLVED, SIGNIFICANCE
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import moved_by, scores
 from bristle.findings import NOTE, Finding, unit_of
@@ -21,8 +21,6 @@ from bristle.identification.fits import Estimate
 from bristle.identification.shared_findings import NOT_IDENTIFIABLE, UNRESOLVED
 from bristle.model.parameters import Direction, ParameterName, peak_parameters
 
-WIDE = 0.5  # a relative standard error beyond which a parameter is called not identifiable from the motion
-_SAMPLES = 5  # in which a motion has to pass the bristle's deflection
 _SPEEDS = 8  # values of v_s at which a left-out term is looked for, ...
 _SLOWEST = 1e-2  # ... from this share of the fastest speed on
 BRISTLE = ("sigma_0", "sigma_1")
@@ -105,10 +103,10 @@ def _unresolved(
     samples = float(np.median(passed))
     message = (
         f"Not identifiable from this motion: reversals pass the bristle's deflection in {samples:.2g} samples, and "
-        f"{_SAMPLES} are needed; log faster, or reverse more slowly."
+        f"{RESOLVED} are needed; log faster, or reverse more slowly."
     )
-    too_fast = Finding("unseen-fast", NOTE, message, {"samples": samples, "least": _SAMPLES})
-    return too_fast if samples < _SAMPLES else None
+    too_fast = Finding("unseen-fast", NOTE, message, {"samples": samples, "least": RESOLVED})
+    return too_fast if samples < RESOLVED else None
 
 
 def warned(

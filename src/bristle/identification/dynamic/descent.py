@@ -9,22 +9,15 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.errors import InputError
+from bristle.estimation.levels import EQUATIONS_EACH, START_WORTH
 from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_starts
 from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknowns, minimise
 from bristle.identification.dynamic.claims import asked_peak
-from bristle.identification.dynamic.problem import (
-    DynamicProblem,
-    InitialState,
-    Unknown,
-    Values,
-    parameters,
-    residuals,
-)
+from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Unknown, Values, parameters, residuals
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, ParameterName, in_direction, least_of, of_load
 from bristle.progress import Progress
 
-FEWEST = 2  # least equations per unknown
 LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")  # descended as logarithms
 _MORE = 200  # additional steps for the lowest end
 _RISES = 0.1  # typical rise of friction per load
@@ -32,7 +25,6 @@ _MOST = 10.0  # of the largest torque: limit of alpha_1
 _RUNGS, _DESCENT = 8, 6  # deflections tried, and steps at each
 _LOST = 10.0  # of the lowest cost: no descent begins above
 _OFFSET = ParameterName("offset", Direction.SHARED)
-_WORTH = 0.1  # p-value of a Stribeck term that is worth a start
 
 
 def fit(
@@ -56,7 +48,7 @@ def polished(
     problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
     """A minimum that ran out of steps, continued with scales and bounds of its own."""
-    if minimum.converged or minimum.residuals.size < FEWEST * minimum.x.size:
+    if minimum.converged or minimum.residuals.size < EQUATIONS_EACH * minimum.x.size:
         return posed, minimum
     near, better = solved(problem, posed.unknowns.values(minimum.x), _MORE)
     if better.cost > minimum.cost:
@@ -178,7 +170,7 @@ def solve_dynamic(
         for direction in problem.directions:
             alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
             none = {alpha_1, v_s} <= best.values.keys() and best.values[alpha_1] <= errors[alpha_1]
-            if none and (asked := asked_peak(problem, best, direction, _WORTH)):
+            if none and (asked := asked_peak(problem, best, direction, START_WORTH)):
                 added |= {alpha_1: asked.alpha_1, v_s: asked.v_s}
         if not added:
             break

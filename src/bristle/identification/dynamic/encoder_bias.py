@@ -15,6 +15,7 @@ from bristle.control.plant import quantise
 from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
 from bristle.data.sampling import with_motion
+from bristle.estimation.levels import BIAS_UNSURE, MUCH_WORSE
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.claims import warned, without_weak
 from bristle.identification.dynamic.descent import fit
@@ -28,8 +29,6 @@ REPETITIONS = 6  # rest positions in a count
 _STEPS = 8  # most steps of each fit
 _EXACT = 0.03  # of a standard error: tolerance of each fit
 _SEED = 0
-_LOST = 2.0  # ratio of residuals at the smooth motion and at the readings
-_UNSURE = 0.5  # of a standard error: largest change of the bias up to the truth
 _LADDER = 1.25  # ratio of successive cut-offs
 _SLOW = ("alpha_1", "v_s", "sigma_0", "sigma_1")  # seen near reversals alone
 Pose = Callable[[Sequence[Record], Mapping[ParameterName, float]], DynamicProblem]
@@ -46,7 +45,7 @@ def without_count_bias(
     # root mean square residuals of the smooth motion over those of the readings, both at the estimate
     left, right = (float(np.linalg.norm(residuals(x, solved.values)[0])) for x in (smooth, solved.problem))
     ratio = left / max(right, 1e-300)
-    if ratio > _LOST:
+    if ratio > MUCH_WORSE:
         return _of_counts(solved, ratio)
     whole = np.concatenate(modelled(smooth, solved.values))
     torques = np.split(whole, np.cumsum([r.time.size for r in records])[:-1])
@@ -69,7 +68,7 @@ def without_count_bias(
         problem = replace(posed, motions=motions, priors=priors, sigma=solved.problem.sigma)
         values, moved = fit(problem, solved.values, _STEPS, enough)
         ratio = float(np.sqrt(moved.cost / max(minimum.cost, 1e-300)))
-        if count and ratio > _LOST:
+        if count and ratio > MUCH_WORSE:
             return _of_counts(solved, ratio)
         ends.append([values[name] for name in known])
     uncounted, *ends = ends
@@ -134,7 +133,7 @@ def _corrected(
         (bias, scatter), value, error = moved[name], e.value, e.standard_error
         if of_friction(name.name) and value and error:
             errors, share = abs(bias) / error, abs(bias / value)
-            if errors > 1 and errors * share > _UNSURE:
+            if errors > 1 and errors * share > BIAS_UNSURE:
                 message = (
                     f"Not identifiable from this motion: encoder counts bias it by {100 * share:.0f} % of its value, "
                     f"{errors:.1f} standard errors, too much to be subtracted; a finer encoder would show it."

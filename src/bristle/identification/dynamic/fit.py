@@ -12,20 +12,12 @@ from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import correlated, unexplained
 from bristle.estimation.covariance import condition, student
-from bristle.estimation.levels import MATTERS, SIGNIFICANCE
+from bristle.estimation.levels import BENT, EQUATIONS_EACH, FACTOR, HARDLY_SEEN, MATTERS, SIGNIFICANCE, USELESS, WIDE
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.identification.dynamic.claims import (
-    WIDE,
-    asked_peak,
-    bristle_doubts,
-    peak_doubts,
-    warned,
-    without_weak,
-)
+from bristle.identification.dynamic.claims import asked_peak, bristle_doubts, peak_doubts, warned, without_weak
 from bristle.identification.dynamic.descent import (
-    FEWEST,
     LOGARITHMIC,
     equations_left,
     solve_dynamic,
@@ -56,10 +48,6 @@ from bristle.model.parameters import INERTIA, Kind, ParameterName, bends_down, l
 from bristle.progress import Progress
 
 _EDGE = 0.01  # in log(v_s): distance from the end of its range
-_BENT = 4.0  # ratio of costs from which a term that bends the whole curve is kept
-_UNEVEN = 1.5  # ratio of run residuals from which runs are weighted
-_NOTHING = 100.0  # percent: the error of no model
-_UNSEEN = 1e-2  # of the largest singular value: directions below are hardly seen
 _BENDS = (
     "Not identifiable from this motion: v_s lies near the fastest speed, so that the Stribeck term bends the whole curve "
     "instead of dropping at low speed."
@@ -128,7 +116,7 @@ def _settled(
     problem: DynamicProblem, start: Values, others: Sequence[Values], progress: Progress | None, *, search: bool
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], dict[ParameterName, str]]:
     """The problem with its run weights, its solution, reasons of dropped Stribeck terms, and doubts on kept ones."""
-    if problem.size < FEWEST * len(problem.names):  # too few to estimate anything
+    if problem.size < EQUATIONS_EACH * len(problem.names):  # too few to estimate anything
         search, others = False, ()
     dropped, shown = dict[ParameterName, Finding](), dict[ParameterName, str]()
     if (rough := problem.rough()) is not problem:  # all of it over means of samples, then the whole problem once
@@ -136,14 +124,16 @@ def _settled(
         pairs = zip(problem.motions, rough.motions, strict=True)
         motions = tuple(replace(m, weight=other.weight) for m, other in pairs)
         problem = replace(problem, fixed=rough.fixed, motions=motions)
-        solution = solve_dynamic(problem, {}, [found.values], search=False)._replace(starts=found.starts, reached=found.reached)
+        solution = solve_dynamic(problem, {}, [found.values], search=False)._replace(
+            starts=found.starts, reached=found.reached
+        )
         return problem, solution, dropped, shown
     solution = solve_dynamic(problem, start, others, progress, search=search)
     # weights for runs with different scatter
     _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
     by_run = np.repeat(run, [m.size for m in problem.motions])
     scatter = np.sqrt(np.bincount(by_run, equations_left(problem, solution) ** 2) / np.bincount(by_run))
-    if scatter.max() > _UNEVEN * scatter.min():
+    if scatter.max() > FACTOR * scatter.min():
         weights = (float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())).tolist()
         motions = tuple(replace(m, weight=weights[k]) for m, k in zip(problem.motions, run, strict=True))
         problem = replace(problem, motions=motions)
@@ -167,7 +157,7 @@ def _settled(
         # an F test of the costs, since the law bends within the errors; a bend must explain most of the cost
         ratio = found.minimum.cost / max(solution.minimum.cost, 1e-300)
         p = fdtrc(len(more), solution.freedom, solution.freedom / len(more) * max(ratio - 1, 0.0))
-        if "unseen-wide" not in kinds and p < SIGNIFICANCE and (not again or ratio > _BENT):
+        if "unseen-wide" not in kinds and p < SIGNIFICANCE and (not again or ratio > BENT):
             shown |= {name: why.code for name, (_, why) in more.items()}
             continue
         rest = found if again else found._replace(starts=solution.starts, reached=solution.reached)
@@ -218,11 +208,11 @@ def estimates_of(
     estimates = _estimates(solution._replace(scaled_errors=left.errors), kind)
     for name, why in dropped.items():
         estimates[name] = Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, np.inf), warnings=(why,))
-    if not solution.minimum.converged or problem.percent(equations_left(problem, solution)) > _NOTHING:
+    if not solution.minimum.converged or problem.percent(equations_left(problem, solution)) > USELESS:
         message = "Not estimated: the fit did not converge, or leaves more than was measured."
         estimates = warned(estimates, dict.fromkeys(estimates, Finding("unseen-unconverged", NOTE, message)))
     equations, unknowns = solution.minimum.residuals.size, len(solution.names)
-    if equations < (least := FEWEST * unknowns):
+    if equations < (least := EQUATIONS_EACH * unknowns):
         message = (
             f"Not estimated: the motion leaves {equations} equations for {unknowns} unknowns, and at least {least} are "
             "needed; log longer or faster."
@@ -340,7 +330,7 @@ def hardly_seen_findings(
     jacobian = solution.minimum.jacobian[:, keep]
     _, values, directions = np.linalg.svd(jacobian / np.linalg.norm(jacobian, axis=0), full_matrices=False)
     for value, direction in zip(values, directions, strict=True):
-        if value < _UNSEEN * values[0]:
+        if value < HARDLY_SEEN * values[0]:
             large = np.flatnonzero(np.abs(direction) > 0.3 * np.abs(direction).max())
             members = [(solution.names[keep[k]], direction[k]) for k in large]
             if any(name in unseen or not of_friction(name.name) for name, _ in members):

@@ -14,7 +14,7 @@ from bristle.data.encoder import resolution
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.estimation.levels import SIGNIFICANCE
+from bristle.estimation.levels import FACTOR, SIGNIFICANCE
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.descent import (
@@ -39,7 +39,6 @@ from bristle.model.parameters import INERTIA, Direction, ParameterName, of_frict
 from bristle.model.vectorize import evaluate
 from bristle.progress import Progress
 
-_WORSE = 1.5  # ratio of relative errors from which the joint fit is doubted
 _BENDS = 0.01  # of the travel: deflection of the bristle at the start by default
 
 Load = Callable[[Mapping[str, StaticFit] | TrackingFit], Presliding]
@@ -113,7 +112,7 @@ def fit_with_priors(
     joint = with_systematic(joint, shifts_of(solved))
     agree, warnings = _consistency(priors, alone, joint), [*joint.warnings]
     of_joint, of_alone = joint.relative_error, alone.relative_error
-    if of_joint > _WORSE * of_alone:
+    if of_joint > FACTOR * of_alone:
         message = (
             "The joint fit explains the moving runs much worse than a fit of these alone (relative error "
             f"{of_joint:.3g} % instead of {of_alone:.3g} %): the stages contradict each other."

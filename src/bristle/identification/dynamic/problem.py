@@ -87,12 +87,14 @@ class Motion:
         def means(x: Array) -> Array:
             return np.add.reduceat(x, edges, axis=0) / share.reshape(-1, *[1] * (x.ndim - 1))
 
-        arrays = {name: means(getattr(self, name)) for name in ("time", "velocity", "torque", "extra", "measured")}
-        of_mean = sparse.csr_array((np.ones(self.time.size), np.repeat(np.arange(edges.size), share), np.arange(self.time.size + 1)))
-        return replace(
-            self, **arrays, position=means(self.position) if self.position.size else self.position, smooth=self.smooth @ of_mean, coarsening=_ROUGH,
-            shifts={}, load=None if self.load is None else self.load.through(means),
+        of_mean = sparse.csr_array(
+            (np.ones(self.time.size), np.repeat(np.arange(edges.size), share), np.arange(self.time.size + 1))
         )
+        return replace(
+            self, time=means(self.time), velocity=means(self.velocity), torque=means(self.torque), extra=means(self.extra),
+            measured=means(self.measured), position=means(self.position) if self.position.size else self.position,
+            smooth=self.smooth @ of_mean, coarsening=_ROUGH, shifts={}, load=None if self.load is None else self.load.through(means),
+        )  # fmt: skip  # a list of values
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,6 +12,7 @@ from bristle.arrays import Array
 from bristle.control.plant import quantise
 from bristle.data.differentiation import derivative, smoothed, usable
 from bristle.data.record import Record
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation, lag_one
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained, scores
@@ -22,21 +23,10 @@ from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unkno
 from bristle.identification.moving_runs import load_columns
 from bristle.model.parameters import INERTIA, Kind, ParameterName, of_friction, unit
 
-_SURE, _ALIKE = 4.0, 3.3  # standard errors of a delay in all equations, and far from reversals (5e-4 by chance)
-_SLID = 5.0  # deflections g0 / sigma_0 after a reversal from which a joint slides: exp(-5) is left
-_FILTERED = 2.0  # periods of the position's cut-off about a reversal in which the low pass rounds it off
-_REACHED = 0.02  # largest filter weight near a reversal of an equation far from it
 _LEAST = 1e-100  # of sigma_0: no division by zero
-_BURST, _TOP = 0.25, 0.01  # share of squares in few equations: 0.08 for normal noise, 0.16 for Laplace's
-_PATTERN = 0.9  # lag-one correlation of residuals that are a pattern: noise is 1 - 0.9**2 at most
-_ENOUGH, _INDEPENDENT = 300, 30  # least equations, and independent ones, to judge patterns
-_TURNING, _BESIDE = 0.1, 2  # of the rms speed: slower equations, and two neighbours each, are at a reversal
-_TURNS_WORSE, _FEWEST = 2.0, 20  # ratio of residuals at reversals (clean runs: 1.0 to 1.1), and least equations there
 _WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, to pass the backlash
 _ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone
 _TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: where a sensor or drive saturates
-_OF_ITSELF = 1.5  # factor within which the fitted size of a dead zone or saturation agrees with it
-_NEARLY_ALL, _MORE = 0.99, 1.1  # of the readings; and what noise adds to them
 _SMALL = 1e-5  # of the way: a shift of the position with a proportional torque
 _PHASE = 0.37  # of a count: the rest position of a simulated counting
 
@@ -88,7 +78,7 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
         ask(_backlash, *(_shifted(problem, solution.values, torque, width) for width in _WIDTHS))
     if (largest := max(float(np.abs(T).max()) for T in torque)) > 0:
         ask(partial(_dead_zone, largest), *([np.clip(T / (x * largest), -1, 1) for T in torque] for x in _ZONES))
-        read = float(np.quantile(np.abs(np.concatenate([m.measured for m in motions])), _NEARLY_ALL))
+        read = float(np.quantile(np.abs(np.concatenate([m.measured for m in motions])), levels.NEARLY_ALL))
         above = ([T - np.clip(T, -x * largest, x * largest) for T in torque] for x in _TOPS)
         ask(partial(_saturates, read, largest), *above)
     lacks = explained(fit, every)
@@ -130,8 +120,8 @@ def _delay(
     far = _far_from_reversals(problem, solution)
     (apart,) = scores(fit.known[far], fit.rest[far], [(fit.weight * column)[far, None]])
     (whole, error), (beyond, its_error) = _without_counts(found, made), _without_counts(apart, made[far])
-    alike = beyond * whole > 0 and abs(beyond) > _ALIKE * its_error
-    if abs(whole) < _SURE * error or (not alike and _SURE * its_error < abs(whole)):
+    alike = beyond * whole > 0 and abs(beyond) > levels.NOISE * its_error
+    if abs(whole) < levels.DEVIATIONS * error or (not alike and levels.DEVIATIONS * its_error < abs(whole)):
         return None  # sliding excludes a delay
     step = float(np.median(np.concatenate([m.step for m in problem.motions])))
     delay = beyond if alike else whole
@@ -209,7 +199,7 @@ def _backlash(found: Score, _: int) -> Finding:
     return Finding("backlash", CAUTION, message, {"play": abs(twice), "share": found.share})
 
 
-def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
+def _dead_zone(largest: float, found: Score, which: int, factor: float = levels.FACTOR) -> Finding | None:
     """A torque that misses a constant above it, and everything below."""
     missing = -float(found.sizes[0])
     message = (
@@ -218,19 +208,19 @@ def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
         "reversals look softer; switch it off, or add it to the torque."
     )
     said = Finding("torque-missing", CAUTION, message, {"torque": missing, "share": found.share}, {"torque": missing})
-    return said if 1 / _OF_ITSELF < missing / (_ZONES[which] * largest) < _OF_ITSELF else None
+    return said if 1 / factor < missing / (_ZONES[which] * largest) < factor else None
 
 
 def _saturates(read: float, largest: float, found: Score, which: int) -> Finding | None:
     """A torque that reads hardly more than some size; nearly all readings are below `read`."""
     top, missed = _TOPS[which] * largest, -float(found.sizes[0])
-    left = top + (1 - 1 / _OF_ITSELF) * (largest - top)
+    left = top + (1 - 1 / levels.FACTOR) * (largest - top)
     message = (
         f"The torque reads hardly more than {top:.2g}{unit_of('torque')} where it is larger, which would explain {100 * found.share:.0f} % of "
         "what the fit leaves: its sensor or drive saturates. Move slower or more gently, or widen the range."
     )
     said = Finding("torque-saturates", CAUTION, message, {"torque": top, "share": found.share})
-    return said if 1 / _OF_ITSELF < missed < _OF_ITSELF and read < _MORE * left else None
+    return said if 1 / levels.FACTOR < missed < levels.FACTOR and read < levels.NOISE_ADDS * left else None
 
 
 def _inertia(kind: Kind, found: Score, _: int) -> Finding:
@@ -247,7 +237,7 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
     from scipy.ndimage import minimum_filter1d
 
     correlation = lag_one(rows)
-    if correlation > _PATTERN:
+    if correlation > levels.CORRELATED:
         message = (
             f"What the fit leaves is a pattern and hardly any noise (correlation of neighbours {correlation:.2f}): the model lacks a "
             "term, and numbers may be further off than their errors say. Look at the residuals; friction that depends on load, "
@@ -255,13 +245,13 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
         )
         return [Finding("lacks-unknown-term", CAUTION, message, {"lag_one": correlation})]
     squares, speed = rows**2, np.abs(problem.velocity)
-    turns = minimum_filter1d(speed, 2 * _BESIDE + 1) < _TURNING * np.sqrt(np.mean(speed**2))
-    total, few = float(squares.sum()), round(_TOP * rows.size)
-    if rows.size < _ENOUGH or not total > 0 or rows.size < _INDEPENDENT * inflation(rows):
+    turns = minimum_filter1d(speed, 2 * levels.TURNING_BESIDE + 1) < levels.TURNING * np.sqrt(np.mean(speed**2))
+    total, few = float(squares.sum()), round(levels.BURST_IN * rows.size)
+    if rows.size < levels.PATTERN_EQUATIONS or not total > 0 or rows.size < levels.INDEPENDENT * inflation(rows):
         return []
-    if min(turns.sum(), (~turns).sum()) >= _FEWEST:
+    if min(turns.sum(), (~turns).sum()) >= levels.ENOUGH:
         ratio = float(np.sqrt(squares[turns].mean() / max(squares[~turns].mean(), 1e-300)))
-        if ratio > _TURNS_WORSE:
+        if ratio > levels.MUCH_WORSE:
             message = (
                 f"About reversals the fit leaves {ratio:.2g} times what it leaves elsewhere (rms): it does not describe how the joint "
                 "turns, and numbers of the bristle, the peak and the inertia may be further off than their errors say. Backlash, a "
@@ -270,14 +260,14 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
             return [Finding("reversals-left", CAUTION, message, {"ratio": ratio})]
     worst = np.argsort(-squares)[:few]
     share = float(squares[worst].sum()) / total
-    if share < _BURST:
+    if share < levels.BURST:
         return []
     where = f"{problem.file[worst[0]]} at {problem.time[worst[0]]:.5g} s"
     message = (
-        f"{100 * _TOP:.0f} % of the equations hold {100 * share:.0f} % of what the fit leaves, most at {where}: that is not noise, "
+        f"{100 * levels.BURST_IN:.0f} % of the equations hold {100 * share:.0f} % of what the fit leaves, most at {where}: that is not noise, "
         "and bends numbers further than their errors say. Look at the log there: an impact, lost samples, a reading not refreshed."
     )
-    return [Finding("bursts", CAUTION, message, {"share": share, "few": _TOP, "where": where})]
+    return [Finding("bursts", CAUTION, message, {"share": share, "few": levels.BURST_IN, "where": where})]
 
 
 def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
@@ -306,8 +296,8 @@ def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
 def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> NDArray[np.bool_]:
     """Equations that see sliding samples alone, (n,)."""
     sets = sets_of(problem, solution.values).values()
-    reach = _SLID * max((p.alpha_0 + p.alpha_1) / max(p.sigma_0, _LEAST) for p in sets)
-    filtered = _FILTERED / problem.cutoff if problem.cutoff else 0.0
+    reach = levels.SLID * max((p.alpha_0 + p.alpha_1) / max(p.sigma_0, _LEAST) for p in sets)
+    filtered = levels.FILTERED / problem.cutoff if problem.cutoff else 0.0
     far = []
     for m in problem.motions:
         # samples close to a reversal or to the start, in way or time
@@ -318,5 +308,5 @@ def _far_from_reversals(problem: DynamicProblem, solution: MultistartSolution[Un
         before, after = turns[interval], turns[interval + 1]
         until = np.where(after < t.size, t[np.minimum(after, t.size - 1)] - t, np.inf)
         near = ((way - way[before] < reach) | (t - t[before] < filtered) | (until < filtered)).astype(float)
-        far.append((near if m.smooth is None else abs(m.smooth) @ near) < _REACHED)
+        far.append((near if m.smooth is None else abs(m.smooth) @ near) < levels.FILTER_WEIGHT)
     return np.concatenate(far)

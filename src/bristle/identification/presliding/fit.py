@@ -8,14 +8,14 @@ import numpy as np
 from bristle.data.bandwidth import of_slow_loading
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
-from bristle.data.slow_loading import ONSET, Loading, find_all_loadings, find_loops
+from bristle.data.slow_loading import Loading, find_all_loadings, find_loops
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
+from bristle.estimation.levels import FEW, ONSET, OUTLIER, REACH, SURE
 from bristle.findings import CAUTION, NOTE, Finding, in_direction, in_units, unit_of
 from bristle.identification.fits import Estimate, Presliding, PreslidingFit, Uncertainty
 from bristle.identification.presliding.softening import softening, with_most
 from bristle.identification.presliding.stiffness import (
-    REACH,
     KnownValue,
     estimator_of,
     of_loading,
@@ -33,12 +33,9 @@ from bristle.model.law import DAMPING_RATIO
 from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
-_FEW = 8  # count edges per loading below which they are few
-_OUTLIER = 0.2  # relative distance of an outlier from the median breakaway torque
 _SINGLE = 0.1  # assumed relative standard error of a single breakaway torque
 _CREEP = 1 / (ONSET - 1)
 """Share of a breakaway torque, found by speed, by which g0 may be higher, from LuGre's creep."""
-_SURE = 3.0  # standard errors of g0 above which a held torque contradicts it
 
 
 def identify_presliding(
@@ -105,7 +102,7 @@ def fit_presliding(
             ends = [*sigma_0.interval, *softens.numbers["sigma_0"]]
             error = max(sigma_0.standard_error or 0.0, (max(ends) - min(ends)) / (2 * student(np.inf)))
             sigma_0 = replace(sigma_0, standard_error=error, interval=(min(ends), max(ends)))
-    if 0 < counts < _FEW * len(loadings):
+    if 0 < counts < FEW * len(loadings):
         message = (
             f"Few encoder counts: {counts} edges in {len(loadings)} loadings; use a finer encoder, or load closer to "
             "breakaway."
@@ -126,7 +123,7 @@ def fit_presliding(
     sigma_0 = with_shifts(sigma_0, loadings, level)
     warnings += [warning for warning in three.warnings if warning.code == "intervals-differ"]
     reached = max((x.held for x in loadings if x.breakaway is None), default=0.0)
-    if not level.is_bound and reached > level.value + _SURE * level.standard_error:
+    if not level.is_bound and reached > level.value + SURE * level.standard_error:
         of = unit_of("torque")
         message = (
             f"The torque reaches {reached:.3g}{of} without sliding, above g0 = {level.value:.3g}{of} "
@@ -175,7 +172,7 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Est
     reach = student(n - 1) * error
     warnings, of = list[Finding](), unit_of("torque")
     for loading, value in zip(slid, torque.tolist(), strict=True):
-        if n > 2 and abs(value - middle) > _OUTLIER * middle:
+        if n > 2 and abs(value - middle) > OUTLIER * middle:
             message = (
                 f"{loading.file} is an outlier: it breaks away at {value:.4g}{of}; the median of {n} runs{in_direction(direction)} "
                 f"is {middle:.4g}{of}."

@@ -11,20 +11,18 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import RARE
+from bristle.estimation.levels import NEAREST, RARE, SOFTER, VAGUE
 from bristle.estimation.profile_likelihood import interval_on_grid
 from bristle.findings import CAUTION, Finding, in_direction
-from bristle.identification.presliding.stiffness import LIMIT, KnownValue, of_loading, unbent
+from bristle.identification.presliding.stiffness import KnownValue, of_loading, unbent
 from bristle.model.parameters import Kind, unit
 
 _BLOCKS = 32  # means per loading without counts
 _KNOTS = (3, 6)  # least (two do not tell a curve from its chords) and most
 _PER_KNOT = 6  # least points per knot, beyond one per loading
-_VAGUE = 0.3  # relative standard error of a displacement above which there are fewer knots
 _SINGULAR = 1e8  # condition above which the points do not determine the line
 _GRID = 64  # values of 1 / g0 between which ends are sought
 _STRAIGHT = 1e-6  # smallest 1 / g0 over the bound's, which bends nothing
-_SMALLEST = 0.05  # least fall beyond LuGre's: viscous torque and filters cause less
 
 
 class _Points(NamedTuple):
@@ -69,7 +67,7 @@ def softening(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> Fin
         knots = most * np.arange(1, count + 1) / count
         if most > 0 and (np.histogram(points.T, [0.0, *knots])[0] >= _PER_KNOT // 2).all():
             line = _line(points, knots, level.value)
-        if line is not None and (np.sqrt(np.diag(line.covariance)) < _VAGUE * line.y).all():
+        if line is not None and (np.sqrt(np.diag(line.covariance)) < VAGUE * line.y).all():
             break
         line = None
     if line is None:
@@ -79,7 +77,7 @@ def softening(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> Fin
         width = min(level.standard_error, 0.1 * level.value)
         falls = [other.fall for s in (-1, 1) if (other := _line(points, knots, level.value + s * width)) is not None]
         by_level = abs(falls[-1] - falls[0]) / (2 * width) * level.standard_error if len(falls) == 2 else np.inf
-    if line.fall > stdtrit(line.freedom, RARE) * np.hypot(line.error, by_level) or np.exp(line.fall) > 1 - _SMALLEST:
+    if line.fall > stdtrit(line.freedom, RARE) * np.hypot(line.error, by_level) or np.exp(line.fall) > 1 - SOFTER:
         return None
     secant, lugre = knots / line.y, knots / line.U
     low, high, of, d = float(knots[0]), float(knots[-1]), unit("torque", kind), loadings[0].direction
@@ -144,7 +142,7 @@ def _points(loadings: Sequence[Loading], g0: float) -> _Points:
 
 def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:
     """The line f by weighted least squares, or None."""
-    U, at = (unbent(np.minimum(T, LIMIT * g0), g0) for T in (points.T, knots))
+    U, at = (unbent(np.minimum(T, NEAREST * g0), g0) for T in (points.T, knots))
     columns = [np.interp(U, [0.0, *at], row) for row in np.eye(at.size + 1)[1:]]
     centred, used = _within_loadings(np.column_stack([points.y, *columns]), points)
     y, A = centred[:, 0], centred[:, 1:]

@@ -8,11 +8,11 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation import interval_comparison
 from bristle.estimation.covariance import student
+from bristle.estimation.levels import LEAST_FREEDOM
 from bristle.identification.fits import Estimate, RunScatter, Uncertainty
 from bristle.identification.presliding.stiffness import KnownValue, estimator_of, of_loading, quantum_of
 from bristle.identification.repeats import limit_widening, scatter_of
 
-_LEAST_FREEDOM = 4.0  # degrees of freedom from which a run states its own error
 _NODES = 17  # values of g0 of the estimator, linear between them
 _LOOKS = 4001  # values of g0 at which extremes are looked for
 _LEAST = 0.2  # of g0: its least value
@@ -62,7 +62,7 @@ def stiffness_scatter(loadings: Sequence[Loading], level: KnownValue, estimate: 
     alone = {
         file: (value, error, freedom)
         for file, (value, error, freedom) in each.items()
-        if 0 < value < np.inf and 0 < error < np.inf and freedom >= _LEAST_FREEDOM
+        if 0 < value < np.inf and 0 < error < np.inf and freedom >= LEAST_FREEDOM
     }
     of_all, own, freedom = solve([piece for pieces in by_file.values() for piece in pieces])
     values, errors, freedoms = np.array(list(alone.values())).reshape(-1, 3).T

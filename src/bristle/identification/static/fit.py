@@ -16,6 +16,7 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import unexplained
 from bristle.estimation.covariance import condition
+from bristle.estimation.levels import ONE_SPEED
 from bristle.estimation.score_test import Fitted, explained
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.candidates import candidates
@@ -38,17 +39,8 @@ from bristle.identification.static.solution import StaticSolution, other_fit, so
 from bristle.identification.static.strays import most_strays
 from bristle.identification.static.uncertainty import parts_of_runs, three_ways
 from bristle.identification.systematic import with_systematic
-from bristle.model.parameters import (
-    Direction,
-    Kind,
-    ParameterName,
-    of_curve,
-    peak_parameters,
-    static_fields_of,
-    unit,
-)
+from bristle.model.parameters import Direction, Kind, ParameterName, of_curve, peak_parameters, static_fields_of, unit
 
-_ONE_SPEED = 1.25  # ratio of fastest to slowest speed below which they count as one
 _LISTED = 3  # most points named in a warning
 _LOGARITHMIC = ("v_s",)  # widened as logarithms
 
@@ -77,7 +69,7 @@ def fit_static(
     lost = set[ParameterName]()
     for d in problem.directions if problem.smooth is None else ():
         speeds = problem.speeds(d)
-        if speeds.size and speeds.max() < _ONE_SPEED * speeds.min():
+        if speeds.size and speeds.max() < ONE_SPEED * speeds.min():
             lost.add(ParameterName("alpha_2", d))
     if lost:
         problem = problem.without(lost)

@@ -12,7 +12,7 @@ from bristle.arrays import Array, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
-from bristle.estimation.levels import SIGNIFICANCE
+from bristle.estimation.levels import MATTERS, NEIGHBOURS, NOT_SLIDING, SIGNIFICANCE, STRAYS
 from bristle.estimation.score_test import scores
 from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.moving_runs import DIRECTIONS, declared, load_columns, terms_of
@@ -22,10 +22,6 @@ from bristle.identification.static.profiles import with_best_shape
 from bristle.identification.static.strays import all_but, find_strays, refit
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import Law
-
-_MOST, _NEIGHBOURS = 0.1, 3  # largest share of strays, and number of neighbours that are no strays
-_MOVES = 0.01  # of the curve: strays that move it by less stay in
-_ASLEEP = 0.85  # of alpha_0 of faster points: slow points with less friction do not slide
 
 
 @result
@@ -67,7 +63,7 @@ def search_points(experiment: Experiment, points: Sequence[Segment], law: Law | 
     """The strays of each solve, under the experiment's law or another."""
     asked, law = point_regressors(experiment), law or experiment.fit.friction
     found = tuple(_search(sides, group, asked, law) for sides, group in groups(experiment, points))
-    few = sum(len(x.strays) for x in found) <= max(_MOST * len(points), 1)
+    few = sum(len(x.strays) for x in found) <= max(STRAYS * len(points), 1)
     return tuple(replace(x, apart=few and x.apart) for x in found)
 
 
@@ -105,10 +101,10 @@ def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence
     expected = problem.torque - _off_the_others(problem, (*resting, *out))
     moved = problem.torque[sliding] - refit(problem.rows(sliding)).residuals - expected[sliding]
     # isolated: no three neighbours in order of velocity, none at an end
-    among = np.pad(np.isin(np.argsort(problem.velocity), strays).astype(float), _NEIGHBOURS - 1, constant_values=1.0)
+    among = np.pad(np.isin(np.argsort(problem.velocity), strays).astype(float), NEIGHBOURS - 1, constant_values=1.0)
     return replace(
-        found, strays=strays, expected=expected, matter=bool((np.abs(moved) > _MOVES * np.abs(expected[sliding])).any()),
-        apart=bool(among.size < _NEIGHBOURS or np.convolve(among, np.ones(_NEIGHBOURS)).max() < _NEIGHBOURS),
+        found, strays=strays, expected=expected, matter=bool((np.abs(moved) > MATTERS * np.abs(expected[sliding])).any()),
+        apart=bool(among.size < NEIGHBOURS or np.convolve(among, np.ones(NEIGHBOURS)).max() < NEIGHBOURS),
     )  # fmt: skip  # a list of values
 
 
@@ -135,7 +131,7 @@ def _resting(problem: Regression) -> tuple[int, ...]:
     law = refit(problem.rows(all_but(speed.size, rows.tolist())))
     levels = [x for name, x in problem.named(law.theta).items() if name.name == "alpha_0"]
     friction = float(np.mean((sign * problem.friction(law.theta))[rows]))
-    return tuple(rows.tolist()) if friction < _ASLEEP * min(levels, default=0.0) else ()
+    return tuple(rows.tolist()) if friction < NOT_SLIDING * min(levels, default=0.0) else ()
 
 
 def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> Iterator[Segment]:

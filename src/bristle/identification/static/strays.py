@@ -15,12 +15,10 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.estimation.levels import SIGNIFICANCE
+from bristle.estimation.levels import ONE_STRAY_IN, SIGNIFICANCE
 from bristle.identification.static.grid import Projected, Solution, default_range, solve
 from bristle.identification.static.problem import Regression, log_grid
 
-SHARE = 8
-"""At most one stray in so many points, or two of few."""
 _GRIDS = {1: 96, 2: 24}  # values of v_s by number of peaks
 SINGLY = 1000  # points up to which strays are left out one by one
 _ALIKE = 0.25  # of the largest fall of the cost: of many points, others above it are left out together
@@ -49,13 +47,13 @@ def find_strays(problem: Regression) -> StraySearch:
             return StraySearch(tuple(out), True)
 
 
-def most_strays(problem: Regression) -> int:
+def most_strays(problem: Regression, one_stray_in: int = ONE_STRAY_IN) -> int:
     """Largest number of strays of a problem."""
     n = problem.torque.size
-    return max(n // SHARE, 2 if n >= 2 * len(problem.names) + 2 else 0)
+    return max(n // one_stray_in, 2 if n >= 2 * len(problem.names) + 2 else 0)
 
 
-def _significant(problem: Regression) -> list[int]:
+def _significant(problem: Regression, significance: float = SIGNIFICANCE) -> list[int]:
     """The most significant point, else pair, or nothing."""
     n, parameters = problem.torque.size, len(problem.names)
     if n < parameters + 2:
@@ -79,7 +77,7 @@ def _significant(problem: Regression) -> list[int]:
         together = n > SINGLY and size == 1
         fall = np.append(exact, falls[falls > _ALIKE * falls[0]] if together else [])
         F = fall / size * (n - parameters - size) / np.maximum(base - fall, noise)
-        rare = fdtrc(size, n - parameters - size, F) * comb(n, size) < SIGNIFICANCE
+        rare = fdtrc(size, n - parameters - size, F) * comb(n, size) < significance
         if rare[0] and exact > noise * size:
             return list(sets[: fall.size - 1, 0][rare[1:]].tolist() if together else chosen)
     return []

@@ -8,6 +8,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.estimation import bootstrap, interval_comparison
+from bristle.estimation.levels import FEW
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Projected, Solution
@@ -18,7 +19,6 @@ from bristle.model.parameters import ParameterName
 
 SEED = 0  # of the bootstrap
 MANY = 2_000  # points from which one step replaces a refit, because errors are small
-_FEW = 8  # points beyond the parameters below which they are few
 _DRAWN, _BEYOND = 61, 0.6  # values of v_s on a drawn profile, and its range beyond the interval, in widths
 
 
@@ -26,7 +26,7 @@ def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[P
     """Intervals of every parameter, by name."""
     n, names = solved.problem.torque.size, solved.problem.names
     drawn = resample(solved.problem, solved.solution, v_s_range)
-    few = f"{n} points for {len(names)} parameters" if n - len(names) < _FEW else None
+    few = f"{n} points for {len(names)} parameters" if n - len(names) < FEW else None
     out = {}
     for name, value, low, high, draws in zip(names, solved.solution.theta.tolist(), *drawn, strict=True):
         at_bound, resampled = name in solved.solution.at_bound, None if np.isnan(low) else (float(low), float(high))

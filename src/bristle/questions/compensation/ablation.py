@@ -12,6 +12,7 @@ from bristle.arrays import Array
 from bristle.control.closed_loop import Trajectory, simulate
 from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import LoopOptions
+from bristle.estimation.levels import CYCLE_BEND, CYCLE_COUNTS, CYCLE_SWINGS, DIVERGED
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Pair
 from bristle.simulation.joint_loop import JointLoop
@@ -21,8 +22,6 @@ BITS = (20, 14, 12)  # an encoder has 2**bits counts in 2 pi times the amplitude
 DELAYS = (0, 2, 5)  # control periods from the command to the drive
 HOLD = 2.0  # time at rest at the end, s
 _WATCHED = 1.5  # part of it in which limit cycles are looked for, s
-_SWINGS, _COUNTS, _SWAY = 4, 3.0, 0.02  # a limit cycle: least swings, width in counts, width in bristle deflections
-_LOST = 10.0  # RMS error of a loop that diverges, amplitudes
 WAYS: dict[str, Compensator] = {
     "none": Compensator(name="none"),
     "Coulomb, reference velocity": Compensator(name="coulomb"),
@@ -103,7 +102,7 @@ def _judged(
         wide = np.ptp(held, axis=1)
     swings = np.count_nonzero(np.diff(np.signbit(about), axis=1), axis=1)
     deflection = max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in loop.plant)
-    least = [max(_COUNTS * _count(loop, b), _SWAY * deflection) for b in bits]
-    diverges = ~(rms < _LOST * loop.amplitude)
-    cycles = (swings >= _SWINGS) & (wide > np.array(least)) & ~diverges
+    least = [max(CYCLE_COUNTS * _count(loop, b), CYCLE_BEND * deflection) for b in bits]
+    diverges = ~(rms < DIVERGED * loop.amplitude)
+    cycles = (swings >= CYCLE_SWINGS) & (wide > np.array(least)) & ~diverges
     return list(zip(rms.tolist(), cycles.tolist(), diverges.tolist(), strict=True))

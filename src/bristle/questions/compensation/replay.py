@@ -15,6 +15,7 @@ from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
 from bristle.control.control_period import flat, no_friction, symbols
+from bristle.estimation.levels import MATTERS
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.known_joint import rises_of
@@ -27,8 +28,6 @@ from bristle.model.parameters import INERTIA
 from bristle.model.rollout import rollout
 from bristle.model.vectorize import chained
 from bristle.simulation.joint_loop import JointLoop
-
-_MOVED = 0.01  # largest relative difference of a gain that counts as at 1, or at its limit
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -67,7 +66,7 @@ class Replay:
         (low, high), gains = self.adaptation.limits, self.theta[:, -1]
         numbers = {"before": before, "after": after, "ratios": self.ratios}
         left = f"{after:.3g} % of the friction torque is left unexplained instead of {before:.3g} %"
-        if ((np.abs(gains - 1) > _MOVED) & ((gains <= (1 + _MOVED) * low) | (gains >= (1 - _MOVED) * high))).any():
+        if ((np.abs(gains - 1) > MATTERS) & ((gains <= (1 + MATTERS) * low) | (gains >= (1 - MATTERS) * high))).any():
             message = (
                 f"A gain ended at its limit ({self.shares}; {left}): widen adapt.limits if friction may have changed that much; "
                 "otherwise leave it off, or lower gamma."

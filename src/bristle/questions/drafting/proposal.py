@@ -16,6 +16,7 @@ from bristle.data.robot.robot_file import robot_of
 from bristle.data.robot.urdf import read_urdf
 from bristle.data.run_kinds import kinds_of, stretches
 from bristle.errors import InputError
+from bristle.estimation.levels import MIXED, MIXED_HOLDS, USELESS
 from bristle.findings import Severity
 from bristle.identification.measured import measure
 from bristle.identification.moving_runs import DIRECTIONS, moved_in, refuse_opposing_runs, regressor_line
@@ -24,9 +25,6 @@ from bristle.identification.static import set_up
 from bristle.identification.static.fit import refuse_opposing_points
 from bristle.progress import Progress, teller
 
-_MIXED = 0.25  # of a run's motion: more of another kind is reported
-_BETWEEN = 0.5  # the same of holds, which have moves between them
-_NOTHING = 100.0  # percent: a useless error
 _ANY: RunKind = "ramp"  # kind as which a run is read first: with velocity, without acceleration
 
 
@@ -80,7 +78,7 @@ def draft_of_logs(
         said += [
             f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
             for file, kind, (_, does) in zip(draft.files, kinds, found, strict=True)
-            if does.unused(kind) > (_BETWEEN if kind == "ramp" else _MIXED)
+            if does.unused(kind) > (MIXED_HOLDS if kind == "ramp" else MIXED)
         ]
     tell("regressors and directions")
     fit, why = _fit(draft.text(runs), path, told.directions)
@@ -107,7 +105,7 @@ def _fit(text: str, path: Path, directions: str | None = None) -> tuple[str, str
     lines += f", {regressor_line(pays)}" if pays or moving else ""
     none = "above 100 %: too few points to decide, so the plainest is taken"
     errors = (
-        f"{f'{x.error:.2g} %' if x.error < _NOTHING else none} (the plainest set-up: {x.asked_error:.2g} %)"
+        f"{f'{x.error:.2g} %' if x.error < USELESS else none} (the plainest set-up: {x.asked_error:.2g} %)"
         for x in known
     )
     why = f"a first regression, without presliding, misses parts held out in turn by {', '.join(errors)}"

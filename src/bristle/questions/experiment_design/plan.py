@@ -8,6 +8,7 @@ import numpy as np
 
 from bristle.arrays import Array, result
 from bristle.errors import InputError
+from bristle.estimation.levels import NORMAL, WIDE
 from bristle.findings import CAUTION, NOTE, Finding, in_direction
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
@@ -32,8 +33,6 @@ if TYPE_CHECKING:
 VELOCITIES = 12  # runs at constant velocity in each direction
 DURATION = 15.0  # longest tracking motion, s
 _MOST = 1000
-NORMAL = 1.96  # half of a 95 % interval in standard errors
-_UNSEEN = 0.5  # largest relative standard error of an identifiable parameter
 
 
 @result
@@ -78,7 +77,7 @@ class Plan:
     @property
     def worth(self) -> Finding:
         """What to measure, and the predicted intervals of alpha_0 and v_s, or of the aim, in the worse direction."""
-        then, limit = NORMAL * self.percent(self.standard_errors["with motion"]), 100 * NORMAL * _UNSEEN
+        then, limit = NORMAL * self.percent(self.standard_errors["with motion"]), 100 * NORMAL * WIDE
         speeds = np.unique(np.concatenate([x.chosen.speeds for x in self.velocities]))
         runs, loads = (len({r.run for r in self.references if r.kind == kind}) for kind in ("ramp", "presliding"))
         time = f"{self.duration / 60:.0f} min" if self.duration >= 100 else f"{self.duration:.0f} s"
@@ -98,7 +97,7 @@ class Plan:
         """Limits of the plan, and how to lift them."""
         relative = self.standard_errors["with motion"] / np.abs(self.start.estimate)
         warnings = []
-        if unseen := tuple(self.start.names[k] for k in self.free if not relative[k] <= _UNSEEN):
+        if unseen := tuple(self.start.names[k] for k in self.free if not relative[k] <= WIDE):
             named = ", ".join(map(str, unseen))
             message = f"Even after this plan {named} would not be identifiable within these limits."
             warnings.append(Finding("still-unseen", CAUTION, message, {"names": unseen}))

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
+from bristle.estimation.levels import NORMAL
 from bristle.model.parameters import Direction, unit
 from bristle.page.page import Drawing
 from bristle.page.plain import columns, pair
@@ -14,7 +15,7 @@ from bristle.page.report import Report, Section, Table
 from bristle.page.wording import counted, direction, number, pretty, symbol, two_digits
 from bristle.questions.experiment_design import figures
 from bristle.questions.experiment_design.figures import percentage
-from bristle.questions.experiment_design.plan import NORMAL, Plan, finite
+from bristle.questions.experiment_design.plan import Plan, finite
 from bristle.questions.experiment_design.references import DEFLECTIONS, SETTLE
 
 _HEADINGS = {

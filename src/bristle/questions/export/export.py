@@ -11,6 +11,7 @@ import casadi as ca
 
 from bristle.control.compensator import Compensator
 from bristle.errors import InputError, one_line
+from bristle.estimation.levels import NEED
 from bristle.findings import CAUTION, Finding
 from bristle.identification.known_joint import load_left_out
 from bristle.identification.verdict import Trust
@@ -21,7 +22,7 @@ from bristle.model.parameters import INERTIA, fields_of, lugre_of, unit
 from bristle.page.output_folder import write_bytes
 from bristle.page.wording import measured, plain, span
 from bristle.questions.export.exported import ExportedJoint
-from bristle.questions.export.loss import LARGE, Loss, told
+from bristle.questions.export.loss import Loss, told
 
 _PLACES = {
     "c": "c_header.TARGET", "mujoco": "mjcf.TARGET", "mujoco-frictionloss": "mjcf.FRICTIONLOSS", "fmu": "fmu.TARGET",
@@ -136,7 +137,7 @@ def artefact_of(
     """The file of a target, with findings on losses and on terms left out, except those `counted` in its values."""
     said = list[Finding]()
     for name, found in losses.items():
-        if large := [x for x in found if x.percent > LARGE]:
+        if large := [x for x in found if x.percent > NEED]:
             rms = ", ".join(f"{x.percent:.0f} % {x.motion.name}" for x in large)
             message = (
                 f"{name}: {target} cannot hold this friction; the torque RMS error is {rms}. "

@@ -23,7 +23,6 @@ from bristle.page.wording import in_percent
 from bristle.questions.export.exported import FREQUENCY, ExportedJoint
 from bristle.simulation.references import Sine
 
-LARGE = 10.0  # percent: a larger loss gets a finding
 _NONE = 1e-6  # percent: a smaller loss is rounding
 _PERIODS = 3  # simulated from an undeflected bristle; the last one counts
 _SAMPLES = 2000  # of a period

@@ -14,12 +14,12 @@ from scipy.special import stdtr
 
 from bristle.arrays import Array
 from bristle.estimation.covariance import student
+from bristle.estimation.levels import SEVERAL
 from bristle.estimation.multiple_tests import false_discovery, false_discovery_within, simes
 from bristle.estimation.robust import Population, population, without_each
 from bristle.estimation.step_test import Levels, Steps, step_scan
 from bristle.questions.fleet.quantities import Adjusted, Roster, padded
 
-LEAST_UNITS = 5  # least joints of a type for its mean and spread
 MOST_LEFT_OUT = 50  # most joints of a type of which each is compared with the others alone
 _UNIT_COLUMNS = {
     "unit": "str", "joint": "str", "type": "str", "parameter": "str", "direction": "str", "value_unit": "str", "sessions": "int64",
@@ -120,10 +120,10 @@ def own_levels(one: Adjusted, most: NDArray[np.intp]) -> tuple[Array, Array]:
     return (weight * levels.y).sum(axis=1) / total, 1 / total
 
 
-def population_of(one: Adjusted, most: NDArray[np.intp]) -> Population[float] | None:
+def population_of(one: Adjusted, most: NDArray[np.intp], several: int = SEVERAL) -> Population[float] | None:
     """Mean and spread of a type; None with too few joints."""
     now = one.of.now
-    if now.sum() < LEAST_UNITS:
+    if now.sum() < several:
         return None
     level, variance = own_levels(one, most)
     return population(level[now], variance[now])

@@ -16,18 +16,16 @@ from numpy.typing import NDArray
 
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
+from bristle.estimation.levels import BASELINE, FALSE_DISCOVERIES, FEW_FREEDOM, TESTED_FREEDOM
 from bristle.estimation.robust import variance_interval
 from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.model.parameters import Direction, ParameterName
 from bristle.page.wording import counted
 from bristle.questions.fleet import changes, quantities
 from bristle.questions.fleet import quality as data_quality
-from bristle.questions.fleet.quantities import COVARIATES, LEAST_FREEDOM, Adjusted, QuantityKey, Roster
+from bristle.questions.fleet.quantities import COVARIATES, Adjusted, QuantityKey, Roster
 
-RATE = 0.05  # of false discoveries among the joints that changed
-BASELINE = 3  # first sessions of a joint, without a change
 _MOST = 10_000  # most sessions of one joint
-_FEW = 10.0  # degrees of freedom below which a note says that the scatter rests on few sessions
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,7 +60,7 @@ def check_rate(rate: float, baseline: int) -> None:
         raise InputError(f"baseline: got {baseline}; expected 1 to {_MOST} sessions")
 
 
-def findings(frame: pd.DataFrame, rate: float = RATE, baseline: int = BASELINE) -> Findings:
+def findings(frame: pd.DataFrame, rate: float = FALSE_DISCOVERIES, baseline: int = BASELINE) -> Findings:
     """Findings of a dataset, against the first `baseline` sessions of each joint. Raises InputError as `check_rate`."""
     check_rate(rate, baseline)
     whole, frame = frame, quantities.named_rows(frame)
@@ -262,7 +260,7 @@ def notes(
         said.append(Finding("warned-since", CAUTION, message, {"count": len(warned), "codes": codes}))
 
     # Types whose scatter rests on few differences.
-    few = [x for x in every if LEAST_FREEDOM <= x.fit.freedom < _FEW]
+    few = [x for x in every if TESTED_FREEDOM <= x.fit.freedom < FEW_FREEDOM]
     for type_ in dict.fromkeys(x.of.key.type for x in few):
         count = max(int((x.of.joint[1:] == x.of.joint[:-1]).sum()) for x in few if x.of.key.type == type_)
         message = (

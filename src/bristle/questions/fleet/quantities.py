@@ -16,16 +16,13 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.estimation.covariance import student
+from bristle.estimation.levels import CLEAR, LEAST_JOINTS, RARE, TESTED_FREEDOM
 from bristle.estimation.moderation import normal_errors
 from bristle.estimation.robust import RobustFit, differences_of, fit_differences
 from bristle.estimation.step_test import Levels
 
 KNOTS = 12  # most knots of the common shift over time
 PER_KNOT = 20  # differences between sessions per knot
-LEAST_JOINTS = 10  # least joints of a type for a common shift
-SHIFTED = 1e-3  # level of the test of a common shift, over all quantities of the fleet
-CLEAR = 2.0  # least median of a parameter that is compared, in standard errors
-LEAST_FREEDOM = 1.5  # least degrees of freedom of the scatter between sessions for a test
 _FAR = 300.0  # largest logarithm of a value
 COVARIATES = ("temperature", "load")
 _EPOCH = np.datetime64("1970-01-01", "us")
@@ -169,7 +166,7 @@ class Adjusted:
     @property
     def tested(self) -> bool:
         """Whether the scatter between sessions is known."""
-        return self.fit.freedom >= LEAST_FREEDOM and bool((self.variance > 0).all())
+        return self.fit.freedom >= TESTED_FREEDOM and bool((self.variance > 0).all())
 
     def effect(self, name: str) -> tuple[float, float, float]:
         """The effect of a covariate in percent per K or per unit of load, with its 95 % interval; nan if not known."""
@@ -216,7 +213,7 @@ def adjusted(quantity: Quantity, tests: int) -> Adjusted:
         if free >= 1 and np.isfinite(cov).all() and (rank := int(np.linalg.matrix_rank(cov, hermitian=True))):
             statistic = float(b @ np.linalg.pinv(cov, hermitian=True) @ b) / rank * free
             p = float(fdtrc(rank, free, statistic / max(shifted.freedom_of_coefficients, 1.0)))
-        if p < SHIFTED / max(tests, 1):
+        if p < RARE / max(tests, 1):
             fit, X = shifted, both
     if X is covariates:
         knots = np.zeros(0)

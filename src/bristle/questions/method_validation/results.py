@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array, result
+from bristle.estimation.levels import FINE_ENOUGH, MOST_DECLINED
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.questions.method_validation.cases import CaseSet
 from bristle.questions.method_validation.solvers import ValidationCase
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
     import pandas as pd
 
 SAME_COST = 1e-6  # largest relative difference of the costs of one minimum
-FINE_ENOUGH = 0.1  # largest error of v_s of a fine grid, over the statistical one, which it widens by 0.5 %
-MOST_DECLINED = 0.5  # largest share of data sets without a finite interval of an identifiable v_s
 FREE = "IPOPT, v_s free"
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levels import CONFIDENCE
+from bristle.estimation.levels import CONFIDENCE, EXPLAINS
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
@@ -32,7 +32,6 @@ SEED = 0
 _MOST = 2**17  # samples of the Sobol indices: some minutes for a joint of six parameters
 _NOISE = 0.05  # assumed noise without a moving run, over alpha_0; white, at 1 kHz
 _NAMED = 3  # parameters whose shares a sentence names
-_SMALL_INDEX = 0.05  # least share of an output's variance that a sentence names
 
 
 class Expected(NamedTuple):
@@ -303,10 +302,10 @@ def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
             found.append(Finding("no-indices", NOTE, f"{start}: {output.reason}"))
             continue
         first, *others = sorted(output.effects, key=lambda e: -e.total)
-        named = [first, *(e for e in others if e.total >= _SMALL_INDEX)]
+        named = [first, *(e for e in others if e.total >= EXPLAINS)]
         listed = ", ".join(f"{e.parameter} {e.total:.2f} ± {e.total_half:.2f} ({e.first:.2f} alone)" for e in named)
         share = 1 - sum(e.first for e in output.effects)
-        more = f"; interactions account for {share:.2f}" if share >= _SMALL_INDEX else ""
+        more = f"; interactions account for {share:.2f}" if share >= EXPLAINS else ""
         message = f"{start}: total index {listed}{more}; {output.samples} samples, {output.evaluations} evaluations."
         total = tuple((e.parameter, e.total) for e in (first, *others))
         numbers = {"total": total, "samples": output.samples, "evaluations": output.evaluations}
