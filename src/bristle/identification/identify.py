@@ -263,7 +263,7 @@ class _Decisions:
         every = self.asked_law == AUTO
         self.laws, ends = laws_of_motion(self.measured, alone, every=every)
         term = None if self.laws is None else term_that_pays(self.measured.experiment.fit, self.laws)
-        if self.laws is not None and term is not None and brakes(ends[term]):
+        if self.laws is not None and term is not None:
             more = with_options(self.measured, law=term)
             again = self._identified(more, ends[term])
             if again.tracking is not None and brakes(again.tracking.known):

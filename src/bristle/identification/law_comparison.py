@@ -82,7 +82,8 @@ def laws_of_motion(
     if load_is_known(records, regressors(measured.experiment)):
         chosen |= dict.fromkeys((alone.law, load) for load in [(), *((name,) for name in LOADS)])
     found = (_fitted_to_motion(measured.experiment, records, alone, law, load) for law, load in chosen)
-    ended = [x for x in found if x is not None]
+    # a term that drives is not friction, unless any law is asked for
+    ended = [x for x in found if x is not None and (every or x.law == alone.law or brakes(x.values))]
     effective = min((x.effective for x in ended), default=0.0)
     ends: dict[str, Values] = {x.name: {**x.problem.fixed, **x.values} for x in ended}
     return ranked("moving runs", [x.fitted(effective) for x in ended], "+".join((alone.law.name, *own))), ends

@@ -205,7 +205,7 @@ def asked_peak(
     fixed = {name: value for name, value in problem.fixed.items() if name != alpha_1}
     values, weight = {n: x for n, x in solution.values.items() if n != v_s} | {alpha_1: 0.0}, problem.weight
     speeds = np.geomspace(_SLOWEST, 1 / problem.law.peak.reach, _SPEEDS) * problem.fastest
-    columns = np.zeros((rest.size, _SPEEDS))
+    columns, problem = np.zeros((rest.size, _SPEEDS)), problem.rough()
     for k, speed in enumerate(speeds.tolist()):
         posed = replace(problem, fixed={**fixed, v_s: speed}, priors=())
         columns[: weight.size, k] = weight * residuals(posed, values)[1][:, posed.names.index(alpha_1)]

@@ -47,8 +47,8 @@ def solved(
 def polished(
     problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
-    """A minimum that ran out of steps, continued with scales and bounds of its own."""
-    if minimum.converged or minimum.residuals.size < EQUATIONS_EACH * minimum.x.size:
+    """A minimum that ran out of steps, continued with scales and bounds of its own; that of a rough problem is near enough."""
+    if minimum.converged or problem.is_rough or minimum.residuals.size < EQUATIONS_EACH * minimum.x.size:
         return posed, minimum
     near, better = solved(problem, posed.unknowns.values(minimum.x), _MORE)
     if better.cost > minimum.cost:
@@ -159,7 +159,7 @@ def solve_dynamic(
         one = _with_one_friction(problem)
         found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)
         both = carried(problem, {**one.fixed, **without_deflections(found.values)})
-        begins.append(with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed}))
+        begins[-1] = with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed})
     elif search:
         begins += _by_softness(problem, start)
     solve, finish = partial(solved, problem), partial(polished, problem)

@@ -65,7 +65,7 @@ def without_count_bias(
         posed = pose(counted, solved.problem.fixed)
         pairs = zip(posed.motions, solved.problem.motions, strict=True)
         motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
-        problem = replace(posed, motions=motions, priors=priors, sigma=solved.problem.sigma)
+        problem = replace(posed, motions=motions, priors=priors, sigma=solved.problem.sigma).rough()
         values, moved = fit(problem, solved.values, _STEPS, enough)
         ratio = float(np.sqrt(moved.cost / max(minimum.cost, 1e-300)))
         if count and ratio > MUCH_WORSE:

@@ -119,8 +119,8 @@ def _settled(
     if problem.size < EQUATIONS_EACH * len(problem.names):  # too few to estimate anything
         search, others = False, ()
     dropped, shown = dict[ParameterName, Finding](), dict[ParameterName, str]()
-    if (rough := problem.rough()) is not problem:  # all of it over means of samples, then the whole problem once
-        rough, found, dropped, shown = _settled(rough, start, others, progress, search=search)
+    if not problem.is_rough:  # all of it over means of samples, then the whole problem once
+        rough, found, dropped, shown = _settled(problem.rough(), start, others, progress, search=search)
         pairs = zip(problem.motions, rough.motions, strict=True)
         motions = tuple(replace(m, weight=other.weight) for m, other in pairs)
         problem = replace(problem, fixed=rough.fixed, motions=motions)

