@@ -11,7 +11,7 @@ Index = NDArray[np.intp]
 
 _FINE = 0.05  # between neighbouring nodes at low speed, v changes by at most this many v_s ...
 _NEAR = 4.0  # ... where low speed is below this many v_s; faster, exp(-(v / v_s)**2) is nothing ...
-_MOST = 64  # ... and a step is cut into at most about this many
+_MOST = 64  # ... and a step is cut into at most about this many; all by a coarsening
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,7 +58,7 @@ def with_extra_nodes(samples: Nodes, v_s: float, coarsening: float = 1.0) -> Nod
     wide = wide[slowest < _NEAR * v_s]
     if crossing.size + wide.size == 0:
         return samples
-    count = np.minimum(np.ceil(change[wide] / fine), _MOST).astype(np.intp)
+    count = np.ceil(np.minimum(change[wide] / fine, _MOST / coarsening)).astype(np.intp)
     more = count - 1
     number = 1 + np.arange(more.sum()) - np.repeat(np.cumsum(more) - more, more)
     zero = v0[crossing] / (v0[crossing] - v1[crossing])

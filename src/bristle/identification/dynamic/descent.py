@@ -159,7 +159,9 @@ def solve_dynamic(
         one = _with_one_friction(problem)
         found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)
         both = carried(problem, {**one.fixed, **without_deflections(found.values)})
-        begins[-1] = with_deflections(problem, {name: x for name, x in both.items() if name not in problem.fixed})
+        stiff = {**start, **_bristle_of(problem, {**problem.fixed, **start}, _reaches(problem)[0])}
+        both = {name: x for name, x in both.items() if name not in problem.fixed}
+        begins = [*others, *(with_deflections(problem, x) for x in (stiff, both))]
     elif search:
         begins += _by_softness(problem, start)
     solve, finish = partial(solved, problem), partial(polished, problem)
@@ -188,13 +190,9 @@ def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
     sigma_0 = [n for n in problem.friction_names if n.name == "sigma_0" and n not in given]
     if not sigma_0:
         return []
-    softest = problem.travel / 3
-    way = float(np.median(np.concatenate([np.abs(m.velocity[1:]) * m.step for m in problem.motions])))
     at, ends, costs = dict(start), list[Values](), [np.inf]
-    for reach in np.geomspace(max(problem.count, way / 3, 1e-6 * softest), softest, _RUNGS).tolist():
-        known = {**problem.fixed, **at}
-        held = {n: 0.0 for n in at if n.name == "sigma_1"}
-        held |= {n: (known[n._replace(name="alpha_0")] + known[n._replace(name="alpha_1")]) / reach for n in sigma_0}
+    for reach in _reaches(problem):
+        held = _bristle_of(problem, {**problem.fixed, **at}, reach)
         rung = replace(problem, fixed={**problem.fixed, **held})
         with suppress(InputError):
             found, minimum = fit(rung, with_deflections(rung, {n: x for n, x in at.items() if n not in held}), _DESCENT)
@@ -204,6 +202,20 @@ def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
             costs.append(minimum.cost)
     costs.append(np.inf)
     return [end for k, end in enumerate(ends, 1) if costs[k] == min(costs[k - 1 : k + 2])]
+
+
+def _reaches(problem: DynamicProblem) -> list[float]:
+    """Deflections from a count to a third of the travel, ascending, rad."""
+    softest = problem.travel / 3
+    way = float(np.median(np.concatenate([np.abs(m.velocity[1:]) * m.step for m in problem.motions])))
+    return list(np.geomspace(max(problem.count, way / 3, 1e-6 * softest), softest, _RUNGS).tolist())
+
+
+def _bristle_of(problem: DynamicProblem, known: Values, reach: float) -> dict[ParameterName, float]:
+    """The free parameters of a bristle that is bent by g0 so far, rad, without damping."""
+    free = [n for n in problem.friction_names if n not in {*problem.fixed, *problem.with_prior}]
+    g0 = {n: known[n._replace(name="alpha_0")] + known[n._replace(name="alpha_1")] for n in free}
+    return {n: 0.0 if n.name == "sigma_1" else g0[n] / reach for n in free if n.name in ("sigma_0", "sigma_1")}
 
 
 def _with_one_friction(problem: DynamicProblem) -> DynamicProblem:

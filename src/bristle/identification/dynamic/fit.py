@@ -149,7 +149,9 @@ def _settled(
         kinds = {why.code for _, why in more.values()}
         again = "unseen-bend" in kinds
         try:
-            found = solve_dynamic(without, near, progress=progress, search=search and again)
+            found = solve_dynamic(
+                without, near, [with_deflections(without, near)] * again, progress, search=search and again
+            )
         except InputError:  # no start without it
             break
         if not found.minimum.converged:
