@@ -159,9 +159,8 @@ def solve_dynamic(
         one = _with_one_friction(problem)
         found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)
         both = carried(problem, {**one.fixed, **without_deflections(found.values)})
-        stiff = {**start, **_bristle_of(problem, {**problem.fixed, **start}, _reaches(problem)[0])}
         both = {name: x for name, x in both.items() if name not in problem.fixed}
-        begins = [*others, *(with_deflections(problem, x) for x in (stiff, both))]
+        begins = [*others, with_deflections(problem, both)]
     elif search:
         begins += _by_softness(problem, start)
     solve, finish = partial(solved, problem), partial(polished, problem)
@@ -205,10 +204,10 @@ def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
 
 
 def _reaches(problem: DynamicProblem) -> list[float]:
-    """Deflections from a count to a third of the travel, ascending, rad."""
+    """Deflections from a count, or a thirtieth of a typical step, to a third of the travel, ascending, rad."""
     softest = problem.travel / 3
-    way = float(np.median(np.concatenate([np.abs(m.velocity[1:]) * m.step for m in problem.motions])))
-    return list(np.geomspace(max(problem.count, way / 3, 1e-6 * softest), softest, _RUNGS).tolist())
+    way = float(np.median(np.concatenate([np.abs(m.velocity[1:]) * m.step.min() for m in problem.motions])))
+    return list(np.geomspace(max(problem.count, way / 30, 1e-6 * softest), softest, _RUNGS).tolist())
 
 
 def _bristle_of(problem: DynamicProblem, known: Values, reach: float) -> dict[ParameterName, float]:
