@@ -74,7 +74,7 @@ def run(tree: Path, folder: Path, *arguments: str) -> tuple[float, float]:
     began, before = perf_counter(), getrusage(RUSAGE_CHILDREN)
     environment = {**os.environ, "PYTHONPATH": str(tree / "src")}
     command = [sys.executable, "-m", "bristle", *arguments]
-    subprocess.run(command, cwd=folder, env=environment, stdout=subprocess.DEVNULL, check=True)  # noqa: S603  # our own
+    subprocess.run(command, cwd=folder, env=environment, capture_output=True, check=True)  # noqa: S603  # our own
     after = getrusage(RUSAGE_CHILDREN)
     return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime, perf_counter() - began
 
@@ -88,7 +88,7 @@ def drafted(job: Job, old: Path, data: Path, folder: Path) -> None:
     for pattern in job.logs.split():
         for path in sorted((data / pattern).parent.glob(Path(pattern).name)):
             (folder / path.name).symlink_to(path)
-    names = sorted(path.name for path in folder.iterdir())
+    names = [path.name for pattern in job.logs.split() or ["*.csv"] for path in sorted(folder.glob(Path(pattern).name))]
     run(old, folder, "new", *names, "-o", "joint.yaml", *job.told.split())
     text = (folder / "joint.yaml").read_text()
     for line in text.splitlines():

@@ -42,7 +42,7 @@ from bristle.model.parameters import INERTIA, ParameterName, in_direction, of_lo
 WITH_DRAG = "gaussian+quadratic"  # the paper's law with v abs(v)
 _MOSTLY = float(np.sqrt(2))  # the same of a load, which a delayed torque imitates
 _STEPS = 40  # most iterations of a fit
-_ENOUGH = 0.05  # of n' log(RSS): a smaller gain ends a fit
+_ENOUGH = 0.2  # of n' log(RSS), a fiftieth of what chooses a law: a smaller gain ends a fit
 _BRISTLE = ("sigma_0", "sigma_1")
 _START = {"alpha_1": 0.1, "v_s": 0.1, "load": 0.03}
 """Where terms begin that the law in force does not have: shares of alpha_0, of the fastest speed, of the load."""
