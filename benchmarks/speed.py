@@ -2,9 +2,9 @@
 
 DATA is a folder of measured logs, which are not in the repository. Whole commands, each in a process of its own, take
 turns in one sitting; a job's time is the processor time of the process and its children (of a robot and the report, that
-work in several processes: wall time), the least of its turns. Both trees read the same experiment file, which the older one drafts beforehand, untimed. With
-`--grow` SIMULATED logs instead, by this tree alone: a motion of 1e3 to 1e6 samples at 500 Hz, and 10 to 1000 files of
-5 s at 67 Hz.
+work in several processes: wall time), the least of its turns. Both trees read the same experiment file, which the older
+one drafts beforehand, untimed. With `--grow` SIMULATED logs instead, by this tree alone: a motion of 1e3 to 1e6 samples
+at 500 Hz, and 10 to 1000 files of 5 s at 67 Hz.
 """
 
 import compileall
@@ -101,7 +101,10 @@ def drafted(job: Job, old: Path, data: Path, folder: Path) -> None:
 
 def compared(job: str, asked: str, old: Path, folder: Path, *arguments: str) -> None:
     """Print a row: the least time of each tree and their ratio, beside what is asked."""
-    turns = [[run(tree, folder, *arguments)["wall" in job] for tree in (old, ROOT)] for _ in range(TURNS)]
+    turns = [
+        [run(tree, folder, *(x.format(k, tree.name) for x in arguments))["wall" in job] for tree in (old, ROOT)]
+        for k in range(TURNS)
+    ]
     before, now = np.min(turns, axis=0)
     print(f"| {job} | {before:.1f} | {now:.1f} | {now / before:.2f} | {asked} |", flush=True)
 
@@ -119,7 +122,7 @@ def beside(data: Path, commit: str) -> None:
                 place = folder / job.replace(" ", "_")
                 drafted(of, old, data, place)
                 compared(job, of.asked, old, place, "identify", "joint.yaml")
-            compared("report (wall)", "0.75", old, folder, "report", "-o", "pages")
+            compared("report (wall)", "0.75", old, folder, "report", "-o", "pages-{}-{}")
         finally:
             subprocess.run(["git", "-C", ROOT, "worktree", "remove", "--force", old], check=True)  # noqa: S603, S607  # git
 
