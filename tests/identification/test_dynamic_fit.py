@@ -81,6 +81,18 @@ def test_the_jacobian_is_that_of_differences(p: Lugre[float] | Pair[float], deci
 
 
 @SETS
+def test_means_away_from_reversals_are_the_same_problem(p: Lugre[float] | Pair[float]) -> None:
+    """Over less than half of the samples the modelled torque of each equation is the same to 2e-3 of friction, rms."""
+    problem = posed(record(p), sides(p), 40)
+    rough, at = problem.rough(), shifted(by_name(p)) | {Z0: 0.0}
+    assert rough.rough() is rough
+    assert rough.motions[0].time.size < problem.motions[0].time.size / 2
+    off = residuals(rough, at)[0] - residuals(problem, at)[0]
+    assert np.sqrt(np.mean(off**2)) < 2e-3 * GRIPPER.alpha_0
+    assert rough.measured == pytest.approx(problem.measured, abs=0.02 * GRIPPER.alpha_0)
+
+
+@SETS
 def test_without_noise_the_truth_comes_back(p: Lugre[float] | Pair[float]) -> None:
     """From a start that is off by a quarter, noise-free data give every parameter back."""
     values, minimum = fit(posed(record(p), sides(p)), shifted(by_name(p)) | {Z0: 0.0})

@@ -9,6 +9,7 @@ sides of the equations go through the same filter, which biases nothing.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +19,7 @@ from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps, estimate_motion, smoothed, usable
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
-from bristle.estimation.levels import INERTIA_STANDS, SURE
+from bristle.estimation.levels import INERTIA_STANDS, MUCH_WORSE, SURE
 from bristle.findings import NOTE, Finding
 
 _WIDER, _ABOVE = 4.0, 2.0  # least cut-off over the bandwidth, and over the frequency where a signal falls into noise
@@ -59,6 +60,22 @@ def of_motion(record: Record) -> tuple[float, Finding]:
             break
         cutoff, inertia, error, tried = tried, lower, its_error, tried / _LADDER
     return cutoff, _by_motion(own, shown)
+
+
+def without_noisy_velocity(record: Record) -> Record:
+    """The record without a logged velocity of twice the noise that the slope of its position has after the low pass, with a note."""
+    if record.position is None or record.velocity is None:
+        return record
+    bare, part = replace(record, velocity=None), _longest(record)
+    logged, position = (_shown(x[part], record.step).noise for x in (record.velocity, record.position))
+    # rms of white noise up to the Nyquist frequency, and of its derivative up to the cut-off
+    own, slope = np.sqrt(logged / (2 * record.step)), np.sqrt(position * of_motion(bare)[0] ** 3 / 3) * 2 * np.pi
+    if own <= MUCH_WORSE * slope:
+        return record
+    message = (
+        f"the slope of the position, {own / slope:.2g} times quieter than the logged one (fit.set_up: as-written overrules)"
+    )
+    return replace(bare, notes=(*record.notes, Finding("velocity-noisy", NOTE, message, {"logged": float(own), "slope": float(slope)})))
 
 
 def _by_motion(motion: float, shown: float) -> Finding:

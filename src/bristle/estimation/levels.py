@@ -24,7 +24,7 @@ EXPLAINS = 0.05  # of squares or of a variance: a term or parameter that explain
 RELATED = 0.1  # of the variance of a torque: its motion explains at least as much
 POOR = 0.15  # of the measured torque: a larger pattern in what a fit leaves, and its parameters mean nothing
 FACTOR = 1.5  # ratio from which reaches of intervals, errors of fits, residuals of runs or fitted sizes differ
-MUCH_WORSE = 2.0  # ratio of residuals of two fits, or at reversals (clean runs: 1.0 to 1.1): the worse one is wrong
+MUCH_WORSE = 2.0  # ratio of residuals of two fits or at reversals (clean: 1.0 to 1.1), of noise: the worse is wrong
 NEED = 10.0  # percent of friction: the required accuracy by default; an exported model that loses more is reported
 
 # Logs

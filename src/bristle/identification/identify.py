@@ -98,6 +98,9 @@ class _Decisions:
         self._on_time()
         if (scale := next((w for w in self.measured.findings if w.code == "scale-by-gravity"), None)) is not None:
             self.told["chosen scale"] = scale.message
+        notes = (note for run in self.measured.runs for note in run.record.notes)
+        if (noisy := next((note for note in notes if note.code == "velocity-noisy"), None)) is not None:
+            self.told["chosen velocity"] = noisy.message
         of_motion = auto and not self.bic
         if of_motion:
             self._sides()

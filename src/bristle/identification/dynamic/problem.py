@@ -83,7 +83,7 @@ class Motion:
             return replace(self, coarsening=_ROUGH)
         block = np.arange(self.time.size) // count
         turns = np.bincount(block[1:], np.diff(np.sign(self.velocity)) != 0)
-        alone = np.convolve(turns, np.ones(9), "same") > 0  # up to four blocks from a reversal
+        alone = np.convolve(turns, np.ones(9))[4:-4] > 0  # up to four blocks from a reversal
         edges = np.flatnonzero(alone[block] | (np.diff(block, prepend=-1) > 0))
         share = np.diff(edges, append=self.time.size)
 
