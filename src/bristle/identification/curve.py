@@ -148,6 +148,13 @@ def friction_points(joint: Joint) -> list[FrictionPoints]:
     return [x._replace(torque=x.torque + drag * x.velocity * np.abs(x.velocity)) for x in shown]
 
 
+def tops_of(joint: Joint) -> tuple[float, float]:
+    """The fastest speed that was measured in each direction, rad/s; of the other one where a direction was not."""
+    along = np.concatenate([np.zeros(0), *(fit.velocity for fit in value_fits(joint))])
+    plus, minus = float(along.max(initial=0.0)), -float(along.min(initial=0.0))
+    return plus or minus, minus or plus
+
+
 def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accuracy | None:
     """The band of the curve of an identified joint, beside a second opinion on the same records.
 

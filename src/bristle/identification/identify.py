@@ -234,7 +234,8 @@ class _Decisions:
             # nan where the directions differ by a constant, or within their bands: the BIC then improves at reversals alone
             # infinite where one of them has no friction
             speed, within = np.abs(fit.velocity), [(fit.values(d), d) for d in DIRECTIONS]
-            v = speed[speed > LEAST * speed.max()]
+            top = min(float((sign * fit.velocity).max()) for sign in DIRECTIONS.values())  # that both directions reach
+            v = speed[(speed > LEAST * speed.max()) & (speed <= top)]
             both = [(curve(v, p.stribeck), band(v, fit, d)) for p, d in within if p is not None]
             bands = [half for _, half in both if half is not None]
             alike = len(bands) == len(DIRECTIONS) and bool(

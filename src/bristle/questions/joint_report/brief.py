@@ -6,8 +6,9 @@ from math import inf, isfinite
 
 import numpy as np
 
+from bristle.arrays import Array
 from bristle.findings import Finding, Severity
-from bristle.identification.curve import stated_curve
+from bristle.identification.curve import stated_curve, tops_of
 from bristle.identification.fits import Estimate, TrackingFit
 from bristle.identification.known_joint import Known, Source, as_identified, chosen, value_fits
 from bristle.identification.measured import Measured
@@ -61,13 +62,17 @@ def friction_line(joint: Joint) -> Iterator[tuple[str, str]]:
     known, speed = joint.accuracy, unit("v_s", joint.kind)
     if known is None:
         return
-    v = np.unique([known.slowest, known.fastest])
-    friction, half = stated_curve(joint, np.concatenate([v, -v]))
-    plus, minus = np.stack([np.abs(friction), half], axis=1).reshape(2, -1, 2)
-    ways = {"": plus} if np.allclose(plus, minus, rtol=1e-9) else {"+": plus, "-": minus}
+    ways = dict[str, Array]()
+    for tops in (known.fastest, known.fastest), tops_of(joint):  # of each direction where they differ
+        v = np.array([[known.slowest, tops[0]], [-known.slowest, -tops[1]]]).ravel()
+        plus, minus = np.stack([*np.abs(stated_curve(joint, v)), np.abs(v)], axis=1).reshape(2, -1, 3)
+        ways = {"+": plus, "-": minus}
+        if np.allclose(plus, minus, rtol=1e-9):
+            ways = {"": plus}
+            break
     model = as_identified(joint)
     given = {name for d in SIGNED for name, value in model.values(d).items() if value}
-    told_of = {row.parameter.name for row in chosen(joint) if row.estimate.value is not None}
+    claimed = [row for row in chosen(joint) if row.estimate.value is not None]
     given |= {row.parameter.name for row in chosen(joint) if row.estimate.value}
     terms = {
         "alpha_0": "alpha_0",
@@ -81,10 +86,12 @@ def friction_line(joint: Joint) -> Iterator[tuple[str, str]]:
         if np.isfinite(curve[:, 0]).all():
             ends = (
                 f"{number(T, 3)} {torque} {f'{interval((T - half, T + half))} ' * isfinite(half)}at {number(at, 3)} {speed}"
-                for (T, half), at in zip(curve.tolist(), v.tolist(), strict=True)
+                for T, half, at in curve.tolist()
             )
             # A peak that is not claimed is still part of the fitted curve.
-            peak = {x: model.values(Direction(d or "+")).get(x, 0.0) for x in ("alpha_1", "v_s") if x not in told_of}
+            side = Direction(d or "+")
+            told_of = {row.parameter.name for row in claimed if row.parameter.direction in (side, Direction.BOTH)}
+            peak = {x: model.values(side).get(x, 0.0) for x in ("alpha_1", "v_s") if x not in told_of}
             shape = ", ".join(f"{x} {number(value, 3)} {unit(x, joint.kind)}" for x, value in peak.items() if value)
             unclaimed = f", with the fit's {shape}, which are not identifiable one by one" * ("alpha_1" in shape)
             told.append(f"{' and '.join(dict.fromkeys(ends))}{f' ({d})' * bool(d)}{unclaimed}")

@@ -6,7 +6,7 @@ import numpy as np
 
 from bristle.estimation.levels import NAMED_BIAS
 from bristle.findings import CAUTION, NOTE, Finding
-from bristle.identification.curve import stated_curve
+from bristle.identification.curve import stated_curve, tops_of
 from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, TrackingFit
 from bristle.identification.known_joint import chosen, value_fits
 from bristle.identification.results import Joint
@@ -30,7 +30,8 @@ def known_to(joint: Joint, plus_minus: str = "±", *, beside: bool = False) -> s
     # where the band is widest beside friction
     v = np.geomspace(known.slowest, known.fastest, 50)
     friction, half = stated_curve(joint, np.concatenate([v, -v]))
-    shares = np.nan_to_num(100 * half / np.abs(friction), posinf=0.0).reshape(2, -1).max(axis=0)
+    shares = np.nan_to_num(100 * half / np.abs(friction), posinf=0.0).reshape(2, -1)
+    shares = np.where(v <= np.array(tops_of(joint))[:, None], shares, 0.0).max(axis=0)
     if known.band < shares.max() / 2:
         at = number(float(v[shares.argmax()]), 2)
         speeds += f", at worst {plus_minus} {number(float(shares.max()), 2)} % at {at} {unit('v_s', joint.kind)}"
