@@ -19,11 +19,9 @@ from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps, estimate_motion, smoothed, usable
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
-from bristle.estimation.levels import INERTIA_STANDS, MUCH_WORSE, SURE
+from bristle.estimation import levels
 from bristle.findings import NOTE, Finding
 
-_WIDER, _ABOVE = 4.0, 2.0  # least cut-off over the bandwidth, and over the frequency where a signal falls into noise
-_HELD, _SLOW = 0.5, 10.0  # the latter at held speeds; the former of slow loading, whose breakaway is a corner
 _LADDER = 2**0.5  # a cut-off over the next one that is tried
 
 
@@ -35,19 +33,18 @@ def of_motion(record: Record) -> tuple[float, Finding]:
     part, motion, effort = _longest(record), _known(record, "velocity", "position"), _known(record, "torque", "voltage")
     moves = _shown(np.asarray(motion)[part], record.step, int(motion is record.position))
     own = moves.own if motion is record.position else _own(record)
-    least = usable(record, _WIDER * own)
+    least = usable(record, levels.OVER_BAND * own)
     if effort is None:
         shown = _first(moves, own)
-        return usable(record, max(least, _ABOVE * shown)), _by_motion(own, shown)
+        return usable(record, max(least, levels.OVER_SEEN * shown)), _by_motion(own, shown)
 
     # where the inertia makes as much of the motion's noise as the effort has, both white; a command has none
     drives, order = _shown(effort[part], record.step), 2 if record.velocity is None else 1
     shown = min(_first(moves, own), _first(drives, own))
-    # 1e-6 of its power, below which the noise of an effort is that of none that was measured
-    if drives.noise > 1e-6 * 2 * record.step * np.var(effort[part]):
+    if drives.noise > levels.NO_NOISE * 2 * record.step * np.var(effort[part]):
         made = max((sum(_inertia(record, effort, least)) ** 2) * moves.noise, 1e-300)  # by an inertia that may be
         shown = min(shown, float((drives.noise / made) ** (0.5 / order) / (2 * np.pi)))
-    cutoff = usable(record, max(least, _ABOVE * shown))
+    cutoff = usable(record, max(least, levels.OVER_SEEN * shown))
     if moves.counted:  # what counts take the fit gives back
         return cutoff, _by_motion(own, shown)
 
@@ -55,27 +52,28 @@ def of_motion(record: Record) -> tuple[float, Finding]:
     (inertia, error), tried = _inertia(record, effort, cutoff), cutoff / _LADDER
     while tried > least:
         lower, its_error = _inertia(record, effort, tried)
-        # three standard errors, below which an inertia is none to go by
-        if lower < SURE * its_error or lower - inertia <= max(INERTIA_STANDS[0] * lower, INERTIA_STANDS[1] * error):
+        of_lower, of_error = levels.INERTIA_STANDS
+        if lower < levels.SURE * its_error or lower - inertia <= max(of_lower * lower, of_error * error):
             break
         cutoff, inertia, error, tried = tried, lower, its_error, tried / _LADDER
     return cutoff, _by_motion(own, shown)
 
 
 def without_noisy_velocity(record: Record) -> Record:
-    """The record without a logged velocity of twice the noise that the slope of its position has after the low pass, with a note."""
+    """The record without a logged velocity of far more noise than the slope of its position has after the low pass, with a note."""
     if record.position is None or record.velocity is None:
         return record
     bare, part = replace(record, velocity=None), _longest(record)
     logged, position = (_shown(x[part], record.step).noise for x in (record.velocity, record.position))
     # rms of white noise up to the Nyquist frequency, and of its derivative up to the cut-off
     own, slope = np.sqrt(logged / (2 * record.step)), np.sqrt(position * of_motion(bare)[0] ** 3 / 3) * 2 * np.pi
-    if own <= MUCH_WORSE * slope:
+    if own <= levels.NOISIER * slope:
         return record
-    message = (
-        f"the slope of the position, {own / slope:.2g} times quieter than the logged one (fit.set_up: as-written overrules)"
+    message = f"the slope of the position, {own / slope:.2g} times quieter than the logged one (fit.set_up: as-written overrules)"
+    return replace(
+        bare,
+        notes=(*record.notes, Finding("velocity-noisy", NOTE, message, {"logged": float(own), "slope": float(slope)})),
     )
-    return replace(bare, notes=(*record.notes, Finding("velocity-noisy", NOTE, message, {"logged": float(own), "slope": float(slope)})))
 
 
 def _by_motion(motion: float, shown: float) -> Finding:
@@ -89,21 +87,19 @@ def of_held_speeds(record: Record) -> tuple[float, Finding]:
     position = _shown(np.asarray(record.position)[_longest(record)], record.step)
     shown = _first(position, position.own)
     why = f", half of the frequency up to which the position shows more than noise, {shown:.3g} Hz"
-    return usable(record, _HELD * shown), Finding("cutoff-of-holds", NOTE, why, {"shown": shown})
+    return usable(record, levels.OVER_SEEN_HELD * shown), Finding("cutoff-of-holds", NOTE, why, {"shown": shown})
 
 
 def of_slow_loading(record: Record) -> tuple[float, Finding]:
     """Cut-off of the low pass of slow loading, Hz, with the reason: ten times the bandwidth of the torque."""
     own = _shown(np.asarray(record.torque)[_longest(record)], record.step).own
     why = f", ten times the frequency below which 99.9 % of it lies, {own:.3g} Hz"
-    return usable(record, _SLOW * own), Finding("cutoff-of-loading", NOTE, why, {"own": own})
+    return usable(record, levels.OVER_BAND_LOADING * own), Finding("cutoff-of-loading", NOTE, why, {"own": own})
 
 
 def decimation(records: Sequence[Record]) -> int:
     """Samples per equation of moving runs, of the slowest of them."""
-    # equations per second over the bandwidth, and over the cut-off, at the least
-    per_motion, per_cutoff = 16.0, 0.7
-    needed = max(max(per_motion * _own(r), per_cutoff * r.cutoff) for r in records)
+    needed = max(max(levels.PER_BANDWIDTH * _own(r), levels.PER_CUTOFF * r.cutoff) for r in records)
     return max(int(1 / (max(r.step for r in records) * needed)), 1)
 
 
@@ -138,8 +134,7 @@ def _shown(x: Array, step: float, order: int | None = None) -> _Shown:
     power = (np.abs(np.fft.rfft((x - x.mean()) * window)) ** 2 * 2 * step / np.sum(window**2))[1:]
     f = np.arange(1.0, power.size + 1) / (x.size * step)
     count, moved = smallest_step(x), np.abs(np.diff(x))
-    # steps that are all alike are those of an even motion; of counts 0.01 of all differ from most
-    uneven = np.mean(np.abs(moved - np.median(moved)) > count / 2) > 0.01
+    uneven = np.mean(np.abs(moved - np.median(moved)) > count / 2) > levels.UNEVEN_STEPS
     highest, counts = float(np.median(power[f >= f[-1] / 2])) / np.log(2), count**2 / 6 * step if uneven else 0.0
     noise = max(highest, counts)
     edges = [0]
@@ -147,10 +142,9 @@ def _shown(x: Array, step: float, order: int | None = None) -> _Shown:
         edges.append(max(edges[-1] + 3, round(edges[-1] * 2 ** (1 / 12))))  # twelve an octave, of three lines or more
     size = np.diff([*edges[:-1], f.size])
     middle, mean = (np.add.reduceat(values, edges[:-1]) / size for values in (f, power))
-    seen = mean > 4.0 * noise  # four times the noise, below which a spectrum shows nothing
+    seen = mean > levels.SHOWN * noise
     below = np.cumsum((power - noise) * np.repeat(seen, size))  # what noise adds up to beyond is no motion
-    # 0.999 of the position's power, which lies below the motion's bandwidth
-    own = float(f[np.argmax(below >= 0.999 * below[-1])])
+    own = float(f[np.argmax(below >= levels.IN_BAND * below[-1])])
     moved = np.zeros(size.size) if order is None else size * seen * (mean - noise) * middle ** (2 * order)
     beyond = np.cumsum(moved[::-1])[::-1] / max(moved.sum(), 1e-300)
     return _Shown(middle, seen, own, beyond, noise, counts > highest / 2)
@@ -162,9 +156,8 @@ def _first(shown: _Shown, above: float) -> float:
     A square wave has gaps between its lines; what moves the joint further up, as vibration does, is part of its motion.
     """
     f, sure = shown.f, np.append(0, np.cumsum(shown.seen))
-    # nothing is seen up to four times a frequency, and 0.01 of the power beyond bends no friction
-    empty = sure[np.searchsorted(f, 4.0 * f, "right")] == sure[:-1]
-    lost = np.flatnonzero(empty & (f > above) & (shown.beyond <= 0.01))
+    empty = sure[np.searchsorted(f, levels.SHOWN_AGAIN * f, "right")] == sure[:-1]
+    lost = np.flatnonzero(empty & (f > above) & (shown.beyond <= levels.BENDS))
     return float(f[lost[0]]) if lost.size else float(f[-1])
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.record import SIGNALS, Record
 from bristle.errors import InputError
-from bristle.estimation.levels import SHORTEST
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 
 Choice = Callable[[Record], tuple[float, Finding]]  # a rule for the cut-off of a record's low pass, Hz, with the reason
@@ -66,20 +66,19 @@ def without_noise_at_rest(record: Record, velocity: Array, smooth: Array, cutoff
     q, share = np.zeros(velocity.size) if record.position is None else record.position, cutoff * record.step
     # noise that the low pass leaves, by what it takes away
     white = 1.4826 * float(np.median(np.abs(velocity - smooth))) * np.sqrt(2 * share / (1 - 2 * share))
-    # three standard deviations, and no more than a fiftieth of the fastest speed, which is a motion; for five periods of the cut-off
-    within = np.abs(smooth) < min(3 * white, 0.02 * float(np.abs(smooth).max()))
+    within = np.abs(smooth) < min(levels.SURE * white, levels.STILL * float(np.abs(smooth).max()))
     ends = np.flatnonzero(np.diff(within, prepend=False, append=False)).reshape(-1, 2)
     still = velocity.copy()
-    for start, stop in ends[np.diff(ends, axis=1)[:, 0] * share >= 5]:
+    for start, stop in ends[np.diff(ends, axis=1)[:, 0] * share >= levels.STILL_PERIODS]:
         if not np.ptp(q[start:stop]) and np.median(np.abs(np.diff(velocity[start:stop]))) > 0:
             still[start:stop] = 0.0
     return still
 
 
-def usable(record: Record, cutoff: float) -> float:
-    """The cut-off, Hz, lowered to 0.8 of the record's Nyquist frequency where it is not below that."""
+def usable(record: Record, cutoff: float, below: float = levels.BELOW_NYQUIST) -> float:
+    """The cut-off, Hz, lowered to a share of the record's Nyquist frequency where it is not below that."""
     nyquist = 0.5 / record.step
-    return cutoff if cutoff < nyquist else 0.8 * nyquist
+    return cutoff if cutoff < nyquist else below * nyquist
 
 
 @lru_cache(maxsize=256)
@@ -120,13 +119,12 @@ def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = Fals
     return np.concatenate([one(values[s]) for s in between_gaps(record)])
 
 
-def _end(part: Array) -> float:
+def _end(part: Array, deviations: float = levels.DEVIATIONS) -> float:
     """End of a line through some samples; the last sample itself where it is further off than noise: a step."""
     at = np.arange(part.size) - (part.size - 1.0)
     slope, level = np.polyfit(at, part, 1).tolist()
     scatter = float(np.std(part - slope * at - level))
-    # four standard deviations of the samples: the end of a noisy signal is off by more only after a step
-    return float(part[-1]) if abs(part[-1] - level) > 4.0 * scatter else float(level)
+    return float(part[-1]) if abs(part[-1] - level) > deviations * scatter else float(level)
 
 
 def derivative(record: Record, values: Array, order: int = 1) -> Array:
@@ -163,15 +161,13 @@ def without_rests(record: Record) -> Record:
     stays = np.append(False, np.diff(record.position) == 0)
     stays[list(record.starts)] = False
     ends = np.flatnonzero(np.diff(np.concatenate([[False], stays, [False]]).astype(int))).reshape(-1, 2)
-    # 3 s: a joint whose position stays for so long rests; at a slow turn it does for less
-    rests = [(a - 1, b) for a, b in ends.tolist() if (b - a) * record.step >= 3.0]
+    rests = [(a - 1, b) for a, b in ends.tolist() if (b - a) * record.step >= levels.STILL_SECONDS]
     moves = np.ones(record.time.size, dtype=bool)
     for start, stop in rests:
         moves[start:stop] = False
     first = {*record.starts, *(stop for _, stop in rests)}
     cuts = sorted({*first, *(start for start, _ in rests), record.time.size})
-    # ten periods of its cut-off that a segment beside a rest has at least
-    shortest = max(SHORTEST, 10.0 / (record.cutoff * record.step) if record.cutoff else 0.0)
+    shortest = max(levels.SHORTEST, levels.LONG_SEGMENT / (record.cutoff * record.step) if record.cutoff else 0.0)
     long = [slice(a, b) for a, b in pairwise(cuts) if b - a >= shortest and moves[a]]
     if not rests or not long or 2 * sum(s.stop - s.start for s in long) < np.count_nonzero(moves):
         return record
@@ -187,14 +183,14 @@ def let_go(record: Record) -> Record:
     q = record.position
     if q is None or record.starts != (0,) or not np.ptp(q) > 0:
         return record
-    away = 0.02 * np.ptp(q)
+    away = levels.STILL * np.ptp(q)
     ends = []
     for off in (np.abs(q - q[0]), np.abs(q - q[-1])[::-1]):
         gone = int(np.argmax(off > away))
-        stays = int(np.flatnonzero(off[: gone + 1] <= 0.1 * away)[-1])
+        stays = int(np.flatnonzero(off[: gone + 1] <= levels.LET_GO * away)[-1])
         ends.append(stays if stays > gone - stays else 0)
     moves = slice(ends[0], q.size - ends[1])
-    if moves.stop - moves.start < SHORTEST or not sum(ends):
+    if moves.stop - moves.start < levels.SHORTEST or not sum(ends):
         return record
     why = "before the joint was let go, or after it stopped, are left out"
     return _kept(record, [moves], Finding("rests-left-out", NOTE, why))
@@ -205,8 +201,8 @@ def without_ends(record: Record) -> Record:
 
     Only where most of it remains.
     """
-    edge = int(np.ceil(2.0 / (record.cutoff * record.step))) if record.cutoff else 0
-    long = (s for s in between_gaps(record) if s.stop - s.start >= 2 * edge + SHORTEST)
+    edge = int(np.ceil(levels.FILTERED / (record.cutoff * record.step))) if record.cutoff else 0
+    long = (s for s in between_gaps(record) if s.stop - s.start >= 2 * edge + levels.SHORTEST)
     inner = [slice(s.start + edge, s.stop - edge) for s in long]
     if not edge or 2 * sum(s.stop - s.start for s in inner) < record.time.size:
         return record
@@ -214,7 +210,7 @@ def without_ends(record: Record) -> Record:
     return _kept(record, inner, Finding("ends-left-out", NOTE, why))
 
 
-def without_short_segments(record: Record, shortest: int = SHORTEST, for_what: str = "differentiated") -> Record:
+def without_short_segments(record: Record, shortest: int = levels.SHORTEST, for_what: str = "differentiated") -> Record:
     """The record without segments of fewer samples. Raises InputError where all have fewer."""
     segments = between_gaps(record)
     long = [s for s in segments if s.stop - s.start >= shortest]

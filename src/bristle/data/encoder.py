@@ -10,6 +10,7 @@ from bristle.arrays import Array
 from bristle.data import units
 from bristle.data.experiment.signals import Context, Position, Signal
 from bristle.data.record import OTHER_FILES, Record
+from bristle.estimation import levels
 from bristle.estimation.levels import COARSEST, FEW, KNOWN_FACTOR, NEAR_COUNTS, POWER_OF_TWO, SAME_FACTOR
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.model.parameters import unit as unit_of
@@ -31,20 +32,20 @@ def resolution(experiment: "Experiment", records: Sequence[Record]) -> float:
 
 def smallest_step(position: Array, few: int = FEW) -> float:
     """The encoder's count, from the steps between readings, in the unit of position; 0 where they keep to no grid."""
-    step, multiples = _grid(levels := np.unique(position))
-    return step if multiples.size >= few or levels.size <= position.size / 2 else 0.0
+    step, multiples = _grid(readings := np.unique(position))
+    return step if multiples.size >= few or readings.size <= position.size / 2 else 0.0
 
 
-def _grid(levels: Array, near_counts: float = NEAR_COUNTS) -> tuple[float, Array]:
+def _grid(readings: Array, near_counts: float = NEAR_COUNTS, on_grid: float = levels.ON_GRID) -> tuple[float, Array]:
     """The step of the grid of readings in rising order, 0 where there is none, and the small multiples of it."""
-    if levels.size < 2:
+    if readings.size < 2:
         return 0.0, np.zeros(0)
-    steps = np.diff(levels)
+    steps = np.diff(readings)
     steps = steps[steps > 1e-3 * np.median(steps)]
     near = steps[steps < near_counts * steps.min()]
     step = float(near.sum() / np.round(near / np.median(near[near < 1.5 * near.min()])).sum())
     multiples = np.round(near / step)
-    return (step if np.abs(near / step - multiples).max() < 0.1 else 0.0), multiples
+    return (step if np.abs(near / step - multiples).max() < on_grid else 0.0), multiples
 
 
 def unit_of_counts(logged: Array) -> tuple[str, int] | None:
@@ -68,7 +69,7 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
     if not (seen == np.round(seen)).all() or np.unique(seen).size < 3:
         return None
     size = abs(signal.factor("position", context) / context.to_joint("position"))
-    if size >= 0.5:  # no encoder has a count so large, rad or m
+    if size >= levels.LARGEST_COUNT:
         message = (
             f"Every position of {file}{OTHER_FILES} is a whole number of {signal.unit}: encoder counts. Write `unit: counts` "
             "under signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
@@ -90,11 +91,10 @@ def count_mismatch(record: Record, signal: Position | None, context: Context) ->
     told_before = any(d.code in {"whole-positions", "whole-degrees"} for d in record.warnings)
     if record.position is None or signal is None or signal.unit.strip().startswith("count") or told_before:
         return None
-    levels = np.unique(record.position)
-    step, multiples = _grid(levels)
-    repeats = levels.size <= record.position.size / 2
-    # 3 multiples of a count among the steps, beyond which a grid is no constant speed, where readings hardly repeat
-    if not step or multiples.size < FEW or not (repeats or np.unique(multiples).size > 3):
+    readings = np.unique(record.position)
+    step, multiples = _grid(readings)
+    repeats = readings.size <= record.position.size / 2
+    if not step or multiples.size < FEW or not (repeats or np.unique(multiples).size > levels.MULTIPLES):
         return None
     step /= abs(context.to_joint("position"))
     if context.resolution is None:
@@ -125,7 +125,7 @@ def _mismatch(file: str, step: float, ratio: float, signal: Position, context: C
         )
         return Finding("count-bits", NOTE, message, numbers)
     x = step / abs(now)
-    if any(apart(x, digit * 10.0 ** np.floor(np.log10(1.001 * x))) < 1e-3 for digit in (1, 2, 5)):  # of few digits
+    if any(apart(x, digit * 10.0 ** np.floor(np.log10(1.001 * x))) < levels.ROUND_COUNT for digit in (1, 2, 5)):
         rounded = f"{position} is rounded to steps of {seen}, {times}"
         message = f"{rounded}: log more digits, or write `encoder_resolution: {seen}`."
         return Finding("count-rounded", CAUTION, message, numbers)

@@ -17,7 +17,7 @@ from bristle.data.differentiation import smoothed
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_loadings
 from bristle.errors import InputError
-from bristle.estimation.levels import HELD_SPEEDS, HOLDS, LARGEST_BEND, LOADS, LOADS_ALONE
+from bristle.estimation import levels
 from bristle.model.parameters import Kind as JointKind
 
 MovingKind = Literal["ramp", "presliding", "tracking"]
@@ -44,9 +44,8 @@ class Stretches:
     @property
     def kind(self) -> MovingKind:
         """What it does most."""
-        # a presliding run loads for 0.2 of its time, and hardly does anything but load and slide
-        slides = self.loaded + self.broken + (self.held if len(self.speeds) < HELD_SPEEDS else 0.0)
-        if slides >= LOADS * self._busy > 0 and self.loaded >= max(0.2 * self.total, self.held):
+        slides = self.loaded + self.broken + (self.held if len(self.speeds) < levels.HELD_SPEEDS else 0.0)
+        if slides >= levels.LOADS * self._busy > 0 and self.loaded >= max(levels.LOADED * self.total, self.held):
             return "presliding"
         return "ramp" if self.held > self.moving + self.loaded + self.broken else "tracking"
 
@@ -58,12 +57,12 @@ class Stretches:
     @property
     def is_loaded(self) -> bool:
         """Whether it is slow loading nearly all the time that it moves or is loaded."""
-        return self.kind == "presliding" and self.loaded + self.broken >= LOADS_ALONE * self._busy
+        return self.kind == "presliding" and self.loaded + self.broken >= levels.LOADS_ALONE * self._busy
 
     @property
     def steadily(self) -> bool:
         """Whether it does hardly anything but hold velocities, or holds a single one, as a log of a series does."""
-        return len(self.speeds) == 1 or self.held >= HOLDS * (self.held + self.moving + self.broken)
+        return len(self.speeds) == 1 or self.held >= levels.HOLDS * (self.held + self.moving + self.broken)
 
     def unused(self, kind: str) -> float:
         """Share of the motion that a fit of this kind leaves out; a tracking run is used whole."""
@@ -82,14 +81,14 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
     loadings, spans = list[Loading](), list[tuple[int, int]]()
     with suppress(InputError):  # of a joint that slides
         for x in () if record.position is None else find_loadings(record, of_slow_loading(record)[0], None, None):
-            # 0.5 s, each end known to a sample: a shorter rise of the torque is the beginning of a motion
-            if x.time.size and x.time[-1] + 2 * step >= 0.5 and x.displacement.max(initial=0.0) <= LARGEST_BEND[joint]:
+            long = x.time.size and x.time[-1] + 2 * step >= levels.SHORTEST_LOADING  # each end is known to a sample
+            if long and x.displacement.max(initial=0.0) <= levels.LARGEST_BEND[joint]:
                 loadings.append(x)
     for x in loadings:  # and where it does not break away what follows nearby
         start, stop = x.start, x.start + x.time.size
         if x.breakaway is None:
             q = np.asarray(record.position)
-            far = np.abs(q[stop:] - q[stop - 1]) > 2 * np.ptp(q[start:stop])
+            far = np.abs(q[stop:] - q[stop - 1]) > levels.GOES_ON * np.ptp(q[start:stop])
             stop = stop + int(np.argmax(far)) if far.any() else n
         spans.append((start, stop))
     loaded = _union(spans, n) & ~steady
@@ -98,8 +97,7 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
     velocity = np.zeros(n) if record.velocity is None else record.velocity
     short = min(np.diff([*record.starts, n])) < 2
     speed = np.abs(velocity if short or _SMOOTH * step >= 0.5 else smoothed(record, velocity, _SMOOTH))
-    # 0.02 of the fastest speed: what is slower, and not held, is at rest
-    moving = (speed > 0.02 * speed.max(initial=0.0)) & ~steady & ~loaded
+    moving = (speed > levels.STILL * speed.max(initial=0.0)) & ~steady & ~loaded
 
     # sliding of a joint that is loaded slowly, and so rests half of the time below its breakaway torque
     broken, torques = np.zeros(n, dtype=bool), [x.breakaway for x in loadings if x.breakaway is not None]
@@ -155,8 +153,7 @@ def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:
         for x in (record.position, direction, record.torque)
     )
     with_q, with_side = (float(x @ T) / max(float(np.linalg.norm(x)), 1e-300) for x in (q, side))
-    # a joint that slides has this share of its largest torque for this share of the time; slow loading passes it
-    size, (share, most) = np.abs(record.torque[loaded]), (0.8, 1 / 3)
-    slides = with_side > with_q and float(np.mean(size > share * np.quantile(size, 0.99))) > most
-    # correlation of torque and position of a joint that rests on its bristles
-    return with_q > 0.3 * float(np.linalg.norm(T)) and not slides
+    size = np.abs(record.torque[loaded])
+    high = float(np.mean(size > levels.SLIDING * np.quantile(size, 0.99)))
+    slides = with_side > with_q and high > levels.SLIDING_TIME
+    return with_q > levels.SPRING * float(np.linalg.norm(T)) and not slides

@@ -11,7 +11,7 @@ from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps
 from bristle.data.encoder import smallest_step
 from bristle.data.record import SIGNALS, Record
-from bristle.estimation.levels import BRIDGED, BRIDGED_NOISE, DEVIATIONS, LONGEST_BRIDGE, UNEVEN
+from bristle.estimation.levels import BRIDGED, BRIDGED_NOISE, DEVIATIONS, LONGEST_BRIDGE, UNEVEN, WHITE
 from bristle.findings import NOTE, Finding
 
 BLOCK = 100  # samples that tell the noise of the position
@@ -195,7 +195,7 @@ def with_motion(record: Record, moved: Record) -> Record:
     return replace(record, **motion, cutoff=moved.cutoff, notes=moved.notes, fine=shown.fine)
 
 
-def jitter(record: Record, time: Array, deviations: float = DEVIATIONS) -> float:
+def jitter(record: Record, time: Array, deviations: float = DEVIATIONS, white: float = WHITE) -> float:
     """Standard deviation of the sampling instants about `time`, (n,), samples; 0 where noise does not follow speed."""
     if record.position is None:
         return 0.0
@@ -229,8 +229,7 @@ def jitter(record: Record, time: Array, deviations: float = DEVIATIONS) -> float
     both = fast[1:] & fast[:-1]
     z = np.clip(r / np.sqrt(_variance(r[fast])), -deviations, deviations)
     correlation = float(z[1:][both] @ z[:-1][both]) / max(float(z[1:][both] @ z[1:][both]), 1e-12)
-    # correlation of neighbours in what a cubic through neighbours leaves: -0.8 of white noise, positive of a vibration
-    return float(np.sqrt(more / of_speed)) if correlation < -0.6 else 0.0
+    return float(np.sqrt(more / of_speed)) if correlation < white else 0.0
 
 
 def _variance(x: Array) -> float:

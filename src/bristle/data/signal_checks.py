@@ -18,8 +18,8 @@ from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.data.sampling import BLOCK, jitter
 from bristle.data.torque_checks import check_torque
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levels import DEVIATIONS, ENOUGH, HELD_READING, JUMP, SAME_FACTOR, UNEVEN
 from bristle.findings import CAUTION, CRITICAL, Finding
 
 _TIMES = ("s", "ms", "us")
@@ -96,14 +96,14 @@ def travel_ratio(record: Record) -> TravelRatio | None:
     """
     best: TravelRatio | None = None
     for moved, said, _ in travels(record):
-        if moved.size < ENOUGH or not (moved.any() and said.any()):
+        if moved.size < levels.ENOUGH or not (moved.any() and said.any()):
             continue
         across, moved_2, said_2 = float(moved @ said), float(moved @ moved), float(said @ said)
         correlation = across / np.sqrt(moved_2 * said_2)
         size = max(abs(correlation), 1e-9)
         value = np.sqrt(moved_2 / said_2)
         error = np.sqrt(max(1 - size**2, 0.0) / (moved.size - 2)) / size
-        away = size * np.exp(-min(DEVIATIONS * error, 50.0))  # by which a factor is surely not one
+        away = size * np.exp(-min(levels.DEVIATIONS * error, 50.0))  # by which a factor is surely not one
         found = TravelRatio(float(np.copysign(value, correlation)), value * away, value / away, correlation)
         if best is None or found.low * best.high > best.low * found.high:
             best = found
@@ -114,11 +114,10 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
     ratio = travel_ratio(record)
     if ratio is None:
         return None
-    # a velocity and its position correlate by 0.7 over a span, unless one is noise, which is not smooth
-    if abs(ratio.correlation) < 0.7:
+    if abs(ratio.correlation) < levels.UNRELATED:
         position, velocity = np.asarray(record.position)[:: SPANS[2]], np.asarray(record.velocity)
         both = (np.diff(position), velocity[:: SPANS[2]] - velocity.mean())
-        if any(x.size < 2 * ENOUGH or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
+        if any(x.size < 2 * levels.ENOUGH or float(x[1:] @ x[:-1]) < 0.5 * float(x @ x) for x in both):
             return None
         message = (
             f"The logged velocity of {record.file}{OTHER_FILES} has nothing to do with its position (correlation "
@@ -127,8 +126,8 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
         )
         numbers: dict[str, Any] = {"files": (record.file,), "correlation": ratio.correlation}
         return Finding("velocity-unrelated", CRITICAL, message, numbers, {"torque": np.inf})
-    sure = ratio.high < 2.0 * ratio.low  # a factor is told where noise leaves it uncertain by less than this
-    if not sure or (ratio.value > 0 and ratio.low < 1 + SAME_FACTOR and ratio.high > 1 - SAME_FACTOR):
+    sure = ratio.high < levels.FACTOR_KNOWN * ratio.low
+    if not sure or (ratio.value > 0 and ratio.low < 1 + levels.SAME_FACTOR and ratio.high > 1 - levels.SAME_FACTOR):
         return None
     remedy = " or ".join(_remedies(signals, context, ratio.value))
     message = (
@@ -142,20 +141,20 @@ def _velocity_factor(record: Record, signals: Signals, context: Context) -> Find
 def _remedies(signals: Signals, context: Context, ratio: float) -> list[str]:
     """Remedies that make position and velocity agree: units that are this far apart, else a factor; and a sign."""
     size = abs(ratio)
-    if context.gear and apart(max(size, 1 / size), abs(context.gear.ratio)) < SAME_FACTOR:
+    if context.gear and apart(max(size, 1 / size), abs(context.gear.ratio)) < levels.SAME_FACTOR:
         return [f"the other side for {name} under motor.gear" for name in ("velocity", "position")]
     lines = list[str]()
-    if not apart(size, 1.0) < SAME_FACTOR:
+    if not apart(size, 1.0) < levels.SAME_FACTOR:
         for name, wanted in (("velocity", size), ("position", 1 / size)):
             signal: Signal | None = getattr(signals, name)
             if signal is not None and not signal.unit.strip().startswith("count"):
                 others = other_units(name, signal, context)
-                near = [u for u, by in others if u != "counts" and apart(by, wanted) < SAME_FACTOR]
+                near = [u for u, by in others if u != "counts" and apart(by, wanted) < levels.SAME_FACTOR]
                 lines += [f"`unit: {u}` under signals.{name}" for u in near]
         time, rate = signals.time, None if signals.time is None else signals.time.rate
         if time is not None and time.unit not in {None, ISO}:
             now = units.factor(time.unit or "s", "s")
-            near = [x for x in _TIMES if apart(units.factor(x, "s") / now, size) < SAME_FACTOR]
+            near = [x for x in _TIMES if apart(units.factor(x, "s") / now, size) < levels.SAME_FACTOR]
             lines += [f"`unit: {x}` under signals.time" for x in near]
         if not lines:
             lines.append(f"a `scale` of signals.velocity {size:.3g} times as large")
@@ -181,13 +180,12 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Findin
         intervals = np.diff(record.time[s]) / record.step
         found = _jumps(np.diff(record.position[s]), intervals, count)
         places += [(s.start + k, size, samples) for k, size, samples in found]
-        # 1e-3 of a sampling interval: time stamps that deviate less were counted, not measured
-        counted = counted and (not found or bool(np.ptp(intervals) <= 1e-3))
+        counted = counted and (not found or bool(np.ptp(intervals) <= levels.COUNTED_TIMES))
     if not places:
         return None
     _, sizes, travels = np.abs(np.array(places)).T
-    if sizes.size > 20 and np.ptp(sizes) < 0.1 * sizes.mean() and np.median(travels) > JUMP:
-        return None  # alike, among next to no travel: the counts of an encoder under something that drifts
+    if sizes.size > levels.ENOUGH and np.ptp(sizes) < levels.SLIPS * sizes.mean() and np.median(travels) > levels.JUMP:
+        return None
     word, rows = _rows(record, signals, [k + 1 for k, *_ in places])
     where = f"{record.file} {word}{'s' * (len(rows) > 1)} {', '.join(shortened(list(map(str, rows))))}"
     if counted and all(samples > 0 for *_, samples in places):
@@ -209,7 +207,7 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Findin
     return Finding("position-jumps", CAUTION, message, {"files": (place,)})
 
 
-def _jumps(steps: Array, intervals: Array, count: float, jump: float = JUMP) -> list[tuple[int, float, float]]:
+def _jumps(steps: Array, intervals: Array, count: float, jump: float = levels.JUMP) -> list[tuple[int, float, float]]:
     """Places of jumps among steps (n,), over intervals (n,); by how much, and the travel of how many samples."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
@@ -228,10 +226,10 @@ def _jumps(steps: Array, intervals: Array, count: float, jump: float = JUMP) -> 
     widest = np.maximum(np.maximum(padded[:-2], padded[1:-1]), padded[2:])
     noise = np.repeat(widest, [b.size for b in blocks])
 
-    # at a reversal, 25 samples about it, a jump is play; 0.75 samples' travel, and less is none
-    side = np.sign(usual)
-    one_way = minimum_filter1d(side, 51) * maximum_filter1d(side, 51) > 0
-    found = (before * after > 0) & one_way & (size > 0.75 * np.abs(usual)) & (size > jump * noise + 2 * count)
+    side, about = np.sign(usual), 2 * levels.PLAY + 1
+    one_way = minimum_filter1d(side, about) * maximum_filter1d(side, about) > 0
+    far = (size > levels.JUMP_TRAVEL * np.abs(usual)) & (size > jump * noise + 2 * count)
+    found = (before * after > 0) & one_way & far
     found &= np.abs(np.convolve(off, np.ones(2 * _AROUND + 1), "same")) > 0.5 * np.abs(off)  # it does not come back
     best = [k for k in np.flatnonzero(found) if size[k] >= size[max(k - _AROUND, 0) : k + _AROUND + 1].max()]
     lost = np.where(excess < 0, excess - travel, excess)
@@ -246,7 +244,7 @@ def _rows(record: Record, signals: Signals, samples: Sequence[int]) -> tuple[str
     return "row", [round(float(record.time[k]) * rate) + 1 if rate else k + 1 for k in samples]
 
 
-def held_position(record: Record, signals: Signals, held_reading: int = HELD_READING) -> Finding | None:
+def held_position(record: Record, signals: Signals, held_reading: int = levels.HELD_READING) -> Finding | None:
     """The caution on readings that repeat in the midst of a motion, and then catch up: they were not refreshed."""
     if record.position is None or record.time.size < 2 * BLOCK:
         return None
@@ -282,7 +280,7 @@ def held_position(record: Record, signals: Signals, held_reading: int = HELD_REA
     return Finding("position-held", CAUTION, message, {"files": (place,), "samples": samples, "share": share})
 
 
-def irregular_sampling(record: Record, uneven: float = UNEVEN) -> Finding | None:
+def irregular_sampling(record: Record, uneven: float = levels.UNEVEN) -> Finding | None:
     """The caution on white noise of the position that grows with the speed: of unknown instants of sampling."""
     about = jitter(record, record.time / record.step)
     if about < uneven:
@@ -321,7 +319,7 @@ def velocity_lag(record: Record) -> Finding | None:
     for moved, said, changed in travels(record, SPANS[1:]):
         X = np.column_stack([changed, said, np.ones(said.size)])
         scale = np.sqrt((X**2).sum(axis=0))
-        if said.size < ENOUGH or not (np.isfinite(scale).all() and scale.all()):
+        if said.size < levels.ENOUGH or not (np.isfinite(scale).all() and scale.all()):
             continue
         X /= scale
         if np.linalg.matrix_rank(X, tol=1e-6) < X.shape[1]:
@@ -335,9 +333,7 @@ def velocity_lag(record: Record) -> Finding | None:
     if not found:
         return None
     lag, error, share = max(found, key=lambda x: abs(x[0]) / max(x[1], 1e-12))
-    # a lag is told beyond so many samples, where it changes the velocity by this share (rms)
-    samples, matters = 1.0, 0.01
-    if abs(lag) - samples * record.step < DEVIATIONS * error or share < matters:
+    if abs(lag) - levels.LAG * record.step < levels.DEVIATIONS * error or share < levels.MATTERS:
         return None
     lags, why, remedy = (
         ("lags behind", "filtered", "it unfiltered") if lag > 0 else ("leads", "the command", "the measured one")

@@ -17,7 +17,7 @@ from bristle.data.differentiation import between_gaps, derivative, smoothed
 from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.estimation.levels import CLOSED, ONSET, PROMINENT
+from bristle.estimation import levels
 
 
 @result
@@ -123,9 +123,9 @@ def find_loadings(
         if slow is not torque and record.time[piece.stop - 1] - record.time[piece.start] < 1 / cutoff:
             continue  # faster than the low pass can follow: a step, and no slow loading
         torque_along, position_along = sign * slow[piece], sign * position[piece]
-        # speed of five times the deviation that counts alone make, three counts of travel, and the samples that the low pass
-        # makes of a step of the encoder at the end of a run
-        least = (0.5 * 5.0 * quantum * cutoff, 3.0 * quantum, 0.5 / (cutoff * record.step))
+        # the last: samples that the low pass makes of a step of the encoder at the end of a run
+        slow_speed = 0.5 * levels.SLIDES_FASTER * quantum * cutoff
+        least = (slow_speed, levels.SLIDES_COUNTS * quantum, 0.5 / (cutoff * record.step))
         moved, name = position_along - position_along[0], "+" if sign > 0 else "-"
         slide = _slides_at(torque_along, moved, sign * speed[piece], least, breakaway, held.get(name, 0.0))
         _refuse_sliding(record.file, position_along, torque_along, slide, quantum)
@@ -168,9 +168,9 @@ def find_loops(record: Record, cutoff: float, resolution: float | None) -> tuple
         ends = (tops if tops.size > 1 else bottoms) + segment.start
         for start, stop in zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True):
             y, T = position[start : stop + 1], torque[start : stop + 1]
-            if np.ptp(y) == 0 or abs(slow[stop] - slow[start]) > CLOSED * np.ptp(slow):
+            if np.ptp(y) == 0 or abs(slow[stop] - slow[start]) > levels.CLOSED * np.ptp(slow):
                 continue
-            if abs(y[-1] - y[0]) > max(1.5 * quantum, CLOSED * np.ptp(y)):
+            if abs(y[-1] - y[0]) > max(levels.CLOSED_COUNTS * quantum, levels.CLOSED * np.ptp(y)):
                 drifts.append(float((y[-1] - y[0]) / np.ptp(y)))
             else:
                 centred, level = y - y.mean(), T - T.mean()
@@ -210,7 +210,7 @@ def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
     return smoothed(record, values, cutoff, noisy=True) if cutoff < 0.5 / record.step else values
 
 
-def torque_turns(torque: Array, prominent: float = PROMINENT) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def torque_turns(torque: Array, prominent: float = levels.PROMINENT) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Samples of largest and of smallest torque between turns."""
     from scipy.signal import find_peaks
 
@@ -230,14 +230,12 @@ def _pieces(record: Record, torque: Array) -> Sequence[tuple[slice, float]]:
             part = torque[first : turn + 1]
             sign = 1.0 if part.max() + part.min() > 2 * part[0] else -1.0
             most = float((sign * part).max())
-            # a piece ends at 0.9 of its largest torque: a held torque belongs to it, its fall does not
-            last = first + int(np.flatnonzero(sign * part >= most - (1 - 0.9) * abs(most))[-1])
+            last = first + int(np.flatnonzero(sign * part >= most - (1 - levels.PIECE_END) * abs(most))[-1])
             part = part[: last + 1 - first]
             before = np.flatnonzero(sign * part <= 0)
             start = first + (int(before[-1]) + 1 if before.size else 0)
-            unloaded = before.size > 0 or abs(part[0]) <= CLOSED * np.ptp(torque)
-            # 8 samples in a piece
-            if unloaded and last + 1 - start >= 8 and sign * torque[last] > PROMINENT * np.ptp(torque):
+            unloaded = before.size > 0 or abs(part[0]) <= levels.CLOSED * np.ptp(torque)
+            if unloaded and last + 1 - start >= levels.FEW and sign * torque[last] > levels.PROMINENT * np.ptp(torque):
                 pieces.append((slice(start, last + 1), sign))
     return pieces
 
@@ -250,39 +248,34 @@ def _slides_at(
     if breakaway is not None:
         beyond = np.flatnonzero(displacement >= breakaway)
         return int(beyond[0]) if beyond.size else None
-    # sliding is sought up to 0.99 of the largest torque: a joint that slides stops as the torque falls
-    top = int(np.flatnonzero(torque >= 0.99 * torque.max())[-1]) + 1
+    top = int(np.flatnonzero(torque >= levels.SLIDING_END * torque.max())[-1]) + 1
     onset = top
     while onset > 1:
         first = speed[:onset][torque[:onset] <= torque[onset - 1] / 2]
         usual = max(float(np.median(first)) if first.size else 0.0, 0.0)
-        slow = np.flatnonzero(speed[:onset] <= max(ONSET * usual, least_speed))
+        slow = np.flatnonzero(speed[:onset] <= max(levels.ONSET * usual, least_speed))
         earlier = int(slow[-1]) + 1 if slow.size else 0
         if earlier == onset:
             break
         onset = earlier
     if top - onset <= least_samples or displacement[top - 1] - displacement[onset] < least_travel:
         return None
-    # twice the way up to there: a joint that goes on for this far slides; one that goes on for less may merely creep
-    far = float(displacement.max() - displacement[onset]) > 2.0 * float(displacement[onset])
-    # 1.02 times the torque of an onset: where another loading held that much, noise aside, the onset was none
-    return None if not far and held > 1.02 * torque[onset] else onset
+    far = float(displacement.max() - displacement[onset]) > levels.GOES_ON * float(displacement[onset])
+    return None if not far and held > levels.HELD_MORE * torque[onset] else onset
 
 
-def _held(smooth: Array, logged: Array) -> float:
+def _held(smooth: Array, logged: Array, deviations: float = levels.DEVIATIONS) -> float:
     """The largest torque, N*m, through the low pass, which rounds tips off or overshoots, within the logged one."""
     noise = 1.4826 * float(np.median(np.abs(np.diff(logged, 2)))) / 6**0.5
     most = float(logged.max())
-    # four standard deviations that the largest of some thousand noisy torques may be too large
-    return min(max(float(smooth.max()), most - 4.0 * noise), most)
+    return min(max(float(smooth.max()), most - deviations * noise), most)
 
 
 def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None, quantum: float) -> None:
     travel, largest = float(np.ptp(position)), float(torque.max())
-    # a run with 0.8 of its largest torque within 0.05 of its travel slides, and does not load
-    share, level = 0.05, 0.8
+    share, far = levels.SLIDING_TRAVEL, travel > 0 and travel > levels.ENOUGH * quantum
     early = position - position[0] <= share * travel
-    if slide is None and travel > 20 * quantum and travel > 0 and torque[early].max(initial=0.0) > level * largest:
+    if slide is None and far and torque[early].max(initial=0.0) > levels.SLIDING * largest:
         why = (
             f"slides: {torque[early].max() / largest:.0%} of its largest torque is there within {share:.0%} of its travel; "
             "a presliding run loads a joint at rest slowly and stays below breakaway; give this one as experiment: tracking or ramp"
@@ -299,10 +292,10 @@ def _edges(position: Array, quantum: float) -> tuple[Array, Array]:
     count = np.round((position - position[0]) / quantum)
     reached, left = np.maximum.accumulate(count), np.minimum.accumulate(count[::-1])[::-1]
     every = max(np.ceil(left[-1] / (4 * position.size)), 1.0)  # 4 count edges kept, at the most, for each reading
-    levels = every * np.arange(1.0, left[-1] // every + 1)
-    after = np.searchsorted(reached, levels, side="left")
-    before = np.searchsorted(left, levels, side="left") - 1
-    return position[0] + (levels - 0.5) * quantum, (after + before) / 2
+    edges = every * np.arange(1.0, left[-1] // every + 1)
+    after = np.searchsorted(reached, edges, side="left")
+    before = np.searchsorted(left, edges, side="left") - 1
+    return position[0] + (edges - 0.5) * quantum, (after + before) / 2
 
 
 def _stiffness(torque: float, displacement: float) -> float | None:

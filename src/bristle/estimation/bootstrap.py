@@ -20,7 +20,7 @@ from scipy.special import chdtrc
 
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levels import CONFIDENCE, SIGNIFICANCE
+from bristle.estimation.levels import CONFIDENCE, SIGNIFICANCE, VARIANCE_POINTS
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name, projected
@@ -102,7 +102,7 @@ def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Ar
 def variances_differ(residuals: Array, place: Array, significance: float = SIGNIFICANCE) -> bool:
     """Whether the variance depends on the place: Koenker's test of a parabola in its logarithm."""
     x, square = np.log(np.abs(place)), residuals**2
-    if residuals.size < 10 or not np.ptp(x) > 0 or not square.any():
+    if residuals.size < VARIANCE_POINTS or not np.ptp(x) > 0 or not square.any():
         return False
     s = 2 * (x - x.min()) / np.ptp(x) - 1
     basis = np.linalg.qr(np.column_stack([np.ones_like(s), s, s * s]))[0][:, 1:]

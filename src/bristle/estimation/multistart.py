@@ -14,8 +14,7 @@ from bristle.progress import Progress, teller
 
 Start = TypeVar("Start")
 _STEPS = 60  # of a descent from a start
-SAME, _OF_VARIANCE = 1e-6, 1e-2
-"""Costs closer than this share of them, or of a residual's variance, are the same minimum."""
+SAME, _OF_VARIANCE = 1e-6, 1e-2  # of a cost, of a residual's variance: closer costs are the same minimum
 _NOTHING = 1e-20  # smaller costs are zero
 
 

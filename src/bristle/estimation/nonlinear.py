@@ -18,8 +18,7 @@ _MOST_DAMPING = 1e8
 _HARDLY_SEEN = 1e-8  # of the longest column: damping treats shorter ones as so long
 _SETTLED = 1e-6  # of the residuals' variance: smaller gains end the steps, at 1e-3 standard errors
 _FLAT = 1e-6  # of the variance: a smaller last gain counts as converged when steps run out
-_SLOW, _CREEPS = 1e-2, 3
-"""Steps also end where so many in a row lower the cost by less than this share of the variance each."""
+_SLOW, _CREEPS = 1e-2, 3  # of the variance: so many steps in a row that gain less each end the steps, too
 _HOPELESS = 4  # steps of too little gain in a row, after which a descent is given up
 _STILL_ABOVE = 1.2  # of the lowest cost known, that it stays above
 _PROMISED = 3.0  # times the step's gain, as all that is left to gain

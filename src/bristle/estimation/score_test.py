@@ -10,10 +10,9 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levels import EXPLAINS, MATTERS, SIGNIFICANCE
+from bristle.estimation.levels import EXPLAINS, MATTERS, NAMED_ERRORS, SIGNIFICANCE, UNEVEN_EQUATIONS
 from bristle.findings import NOTE, Finding
 
-_MANY = 100  # equations from which correlated and uneven noise is estimated along a column
 _BESIDE, _RANK = 1e-6, 1e-10  # relative length of a column beside known ones, and relative rank of these
 
 
@@ -90,13 +89,13 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
     inverse = np.linalg.pinv(R)
     sizes[own] = inverse @ b / lengths[own]
     # variances for even noise, and for noise that is uneven and correlated along the column
-    most, one = np.inf if n >= _MANY else inflation(rest), float(rest @ rest)
+    most, one = np.inf if n >= UNEVEN_EQUATIONS else inflation(rest), float(rest @ rest)
     correlated = np.array([max(min(inflation(rest, d), most), inflated) for d in directions.T])
     freedom = (n - p) / float(correlated.max()) - k
     if freedom < 1:
         return Score(sizes, errors, 1.0, share, share * total)
     variance = one / (n - p - k) * correlated
-    if n >= _MANY:
+    if n >= UNEVEN_EQUATIONS:
         powers = n * np.var(directions * left[:, None], axis=0)  # under the null hypothesis
         uneven = powers * [max(inflation(x), inflated) for x in (directions * rest[:, None]).T]
         variance = np.maximum(variance, uneven * n / (n - p - k))
@@ -172,7 +171,7 @@ def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, i
     if little:
         return replace(told, severity=NOTE)
     changes = [f"friction by {100 * torque / fit.friction:.2g} %"] if fit.friction else []
-    if errors >= 0.1:  # of an error: less says nothing
+    if errors >= NAMED_ERRORS:
         changes.append(f"a parameter by {errors:.2g} times its error{' without it' if fit.widened else ''}")
     said = f"It would change {' and '.join(changes)}{'; the errors given include that' if fit.widened else ''}."
     return replace(told, message=f"{finding.message} {said}")

@@ -9,7 +9,7 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.errors import InputError
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import MUCH_WORSE, NORMAL, OPINIONS_APART, SLOWEST_SHOWN
+from bristle.estimation.levels import BIASED, MUCH_WORSE, NORMAL, OPINIONS_APART, SLOWEST_SHOWN
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.known_joint import KnownJoint, Source, as_identified, chosen, known_joint, value_fits
 from bristle.identification.measured import Measured
@@ -31,9 +31,6 @@ from bristle.model.vectorize import evaluate
 
 _DRAG = "quadratic"
 SPEEDS, LEAST = 60, 0.02  # of a motion, each way: speeds at which the curve is looked at, the least over the greatest
-BIASED = 1.5
-"""Times what the errors tell: filters, counts, settling and the choice of a set-up bend a curve too. Set on one half of the simulated joints of
-`benchmarks/calibration.py`, so that 93 % of clean curves lie within the band."""
 
 
 def curve(v: Array, p: Stribeck[float]) -> Array:

@@ -42,8 +42,7 @@ from bristle.model.parameters import (
 from bristle.model.parameters import Kind as JointKind
 from bristle.model.vectorize import evaluate
 
-DEFLECTION = 1e-3
-"""Assumed deflection in slow sliding over the joint's travel, where nothing shows the stiffness."""
+DEFLECTION = 1e-3  # of the joint's travel: assumed deflection in slow sliding, where nothing shows the stiffness
 INERTIAL = 0.1  # of alpha_0: torque of the largest acceleration, where no inertia is known
 
 

@@ -10,6 +10,7 @@ from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
 from bristle.estimation.information import bic, power_of
+from bristle.estimation.levels import DEPENDENT
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.comparison import APART, SYMMETRIC, Comparison, Data, Fitted, rows_of
 from bristle.identification.dynamic.descent import carried, fit, with_deflections
@@ -25,10 +26,8 @@ from bristle.identification.static.set_up import sides_of
 
 COULOMB, VISCOUS, STRIBECK, LUGRE = "Coulomb", "Coulomb + viscous", "Stribeck curve", "LuGre"
 """Nested models; the Stribeck curve (9) adds alpha_1 and v_s, LuGre sigma_0 and sigma_1."""
-_STEPS = 100
-"""Most iterations of a LuGre fit: one friction for directions that differ converges slowly."""
+_STEPS = 100  # most iterations of a LuGre fit: one friction for directions that differ converges slowly
 _WORTH = 0.05  # of BIC: the gain at which a fit per direction ends
-_DEPENDENT = 1e8  # condition number of dependent columns
 
 
 def compare_models(measured: Measured, joint: Joint) -> tuple[Comparison, ...]:
@@ -58,7 +57,7 @@ def compared(whole: Regression, static: Mapping[str, StaticFit], alone: Tracking
     for model in (COULOMB, VISCOUS, STRIBECK):
         lost = {name for name in whole.linear_names if model == COULOMB and name.name == "alpha_2"}
         problem = whole if model == STRIBECK else replace(whole.without(lost), peaks=())
-        if problem.torque.size > len(problem.names) and condition(problem.linear) <= _DEPENDENT:
+        if problem.torque.size > len(problem.names) and condition(problem.linear) <= DEPENDENT:
             solution = solve(problem, default_range(problem.velocity))
             solves[model] = solution.residuals, len(problem.names)
     if alone is not None:

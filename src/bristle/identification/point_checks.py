@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import stdtr
 
 from bristle.data.constant_velocity.segments import Segment
-from bristle.estimation.levels import IN_ORDER, SEVERAL, SIGNIFICANCE
+from bristle.estimation.levels import DRIFTED, IN_ORDER, SEVERAL, SIGNIFICANCE
 from bristle.findings import CAUTION, Finding, in_direction, unit_of
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
@@ -46,7 +46,7 @@ def point_warnings(measured: Measured, points: Sequence[Segment], static: Mappin
     one = len({s.file for s in points}) == 1 and len(times) == len(points)
     across = abs(mean) * (max(times) - min(times) if one else float(durations.sum()))  # from first point to last
     chance = 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) if error else 1.0
-    if chance > SIGNIFICANCE or across < 2 * scatter:
+    if chance > SIGNIFICANCE or across < DRIFTED * scatter:
         return
     first = next(iter(in_order))
     direction, way = first if len(in_order) == 1 else "both", "rises" if in_order[first] > 0 else "falls"

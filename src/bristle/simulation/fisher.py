@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array, result
+from bristle.estimation.levels import HARDLY_SHOWN, MEMBERS
 from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
@@ -26,8 +27,6 @@ from bristle.model.vectorize import evaluate
 _SINGULAR = 1e-13  # of the largest eigenvalue of the scaled F: smaller ones are zero
 _MEMBER = 1e-5  # share of an unseen direction that makes a parameter unseen
 _NOTHING = 1e-100  # smaller derivatives are zero
-_HARDLY = 1e-3  # of the largest eigenvalue: directions below are hardly seen
-_PART = 0.3  # of its largest share: members of a direction
 
 
 @result
@@ -60,9 +59,9 @@ class Information:
         kept = np.flatnonzero(size > 0)
         values, vectors = np.linalg.eigh(_scaled(self.matrix, size)[np.ix_(kept, kept)])
         for value, vector in zip(values, vectors.T, strict=True):
-            if value < _HARDLY * values[-1]:
+            if value < HARDLY_SHOWN * values[-1]:
                 share = np.abs(vector) / np.abs(vector).max()
-                order = [k for k in np.argsort(-share, kind="stable") if share[k] > _PART]
+                order = [k for k in np.argsort(-share, kind="stable") if share[k] > MEMBERS]
                 unseen.append(hardly_seen([(self.names[kept[k]], float(vector[k])) for k in order]))
         return tuple(unseen)
 

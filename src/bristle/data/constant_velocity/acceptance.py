@@ -12,6 +12,7 @@ from bristle.data.constant_velocity.changepoints import CandidateSpan
 from bristle.data.experiment.signals import Seconds, Speed
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.record import Record
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation, standard_error
 from bristle.estimation.levels import SEVERAL, SHORT_PLATEAU
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
@@ -62,14 +63,14 @@ def usual_scale(record: Record, candidates: Sequence[CandidateSpan], resolution:
     smallest = float(np.min(steps, where=steps > 1e-9 * steps.max(initial=0.0), initial=np.inf))
     signals = [np.abs(x) for x in (record.torque, record.voltage) if x is not None]
     torque = np.abs(np.asarray(record.torque))
-    levels = [x for s in plateaus if (x := torque[s.start : s.stop]).max() < torque.max() * (1 - 1e-6)]
+    lower = [x for s in plateaus if (x := torque[s.start : s.stop]).max() < torque.max() * (1 - 1e-6)]
     return Scale(
         quantum=resolution or (smallest if np.isfinite(smallest) else 0.0),
         fastest=float(speeds.max()),
         duration=_weighted_median(durations, durations),
         distance=_weighted_median(durations * speeds, durations),
-        extremes=tuple(float(x.max()) if np.unique(x).size > 20 else np.inf for x in signals),
-        commanded=any(np.ptp(x) == 0 for x in levels),
+        extremes=tuple(float(x.max()) if np.unique(x).size > levels.ENOUGH else np.inf for x in signals),
+        commanded=any(np.ptp(x) == 0 for x in lower),
     )
 
 
@@ -92,7 +93,7 @@ def evidence(record: Record, candidate: CandidateSpan, usual: Scale) -> Evidence
         duration=float(time[-1] - time[0] + np.nan_to_num(record.step)),
         velocity=velocity,
         logged=velocity if record.velocity_estimated else logged,
-        velocity_error=drift_noise / (4 * np.sqrt(12)),
+        velocity_error=drift_noise / (levels.DEVIATIONS * np.sqrt(12)),
         torque=float(torque.mean()),
         torque_error=standard_error(torque) if n > 1 else None,
         correlation=max(v_correlation, t_correlation),
@@ -108,7 +109,7 @@ def evidence(record: Record, candidate: CandidateSpan, usual: Scale) -> Evidence
     )
 
 
-def _drift(x: Array) -> tuple[float, float, float]:
+def _drift(x: Array, deviations: float = levels.DEVIATIONS) -> tuple[float, float, float]:
     """Range of the parabola through x, four deviations of what noise makes of it, samples per independent one."""
     n = x.size
     if n < 4:
@@ -118,7 +119,7 @@ def _drift(x: Array) -> tuple[float, float, float]:
     fitted = (basis @ x / (basis * basis).sum(axis=1)) @ basis
     rest = x - fitted
     correlation = inflation(rest)
-    return float(np.ptp(fitted)), 4 * float(np.std(rest) * np.sqrt(12 * correlation / n)), correlation
+    return float(np.ptp(fitted)), deviations * float(np.std(rest) * np.sqrt(12 * correlation / n)), correlation
 
 
 def _swing(v: Array, position: Array | None, time: Array, mean: float, quantum: float) -> tuple[float, float, float]:
@@ -126,16 +127,17 @@ def _swing(v: Array, position: Array | None, time: Array, mean: float, quantum: 
     from scipy.ndimage import uniform_filter1d
 
     n, speed = v.size, abs(mean)
-    if n < 32 or speed == 0:
+    if n < levels.SWING_SAMPLES or speed == 0:
         return 0.0, 0.0, 0.0
     step = (time[-1] - time[0]) / (n - 1)
     noise = float(np.median(np.abs(np.diff(v, 2)))) / (0.6745 * np.sqrt(6))
     window = int(np.ceil(max((10 * noise / speed) ** 2, 10 * quantum / (speed * step), 1.0)))
     visible = position is None or float(np.std(position - position[0] - mean * (time - time[0]))) > quantum
-    if window > n // 16 or not visible:
+    if window > n // levels.SWING_WINDOWS or not visible:
         return 0.0, 0.0, 0.0
     smooth = uniform_filter1d(v, window)[window // 2 : n - window // 2] * np.sign(mean)
-    return float(np.std(smooth)), float(np.mean(np.abs(smooth) < 0.1 * speed)), float(np.mean(smooth < -0.1 * speed))
+    slow = levels.STANDS * speed
+    return float(np.std(smooth)), float(np.mean(np.abs(smooth) < slow)), float(np.mean(smooth < -slow))
 
 
 def _weighted_median(x: Array, weight: Array) -> float:
@@ -169,17 +171,17 @@ def warnings(e: Evidence) -> Iterator[Finding]:
             f"Stick-slip: the velocity swings by {100 * swing:.0f} %, and rests {100 * e.resting:.0f} % of the time."
         )
         yield Finding("stick-slip", CAUTION, message, {"swing": swing, "resting": e.resting})
-    if abs(e.logged - e.velocity) > max(0.005 * speed, 4 * e.velocity_error):
+    if abs(e.logged - e.velocity) > max(levels.POSITION_DIFFERS * speed, levels.DEVIATIONS * e.velocity_error):
         message = f"The position moves at {e.velocity:.4g}{velocity}, the logged velocity is {e.logged:.4g}{velocity}."
         yield Finding("position-differs", CAUTION, message, {"slope": e.velocity, "logged": e.logged})
-    if e.torque_drift > max(0.1 * abs(e.torque), e.torque_drift_noise):
+    if e.torque_drift > max(levels.TORQUE_DRIFTS * abs(e.torque), e.torque_drift_noise):
         message = f"The torque changes by {e.torque_drift:.3g}{torque} over the segment (mean {e.torque:.4g}{torque})."
         yield Finding("torque-drifts", CAUTION, message, {"drift": e.torque_drift, "torque": e.torque})
 
 
-def sticks(e: Evidence) -> bool:
-    """Whether the joint sticks and slips: it rests over 5 % of the time, or its velocity swings by over 30 % of the mean."""
-    return e.resting > 0.05 or e.swing > 0.3 * abs(e.velocity)
+def sticks(e: Evidence, share: float = levels.STICKS, swings: float = levels.SWINGS) -> bool:
+    """Whether the joint sticks and slips: it rests over a share of the time, or its velocity swings too far about its mean."""
+    return e.resting > share or e.swing > swings * abs(e.velocity)
 
 
 def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> Finding | None:
@@ -202,7 +204,8 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> Finding | None:
 
 
 def _at_rest(e: Evidence, usual: Scale, t: Thresholds, noise: float) -> Iterator[Finding]:
-    noise_floor = max(noise, 5 * usual.quantum / e.duration if e.duration > 0 else 0.0, 1e-3 * usual.fastest)
+    counts = levels.MOVES * usual.quantum / e.duration if e.duration > 0 else 0.0
+    noise_floor = max(noise, counts, levels.MOVES_SPEED * usual.fastest)
     least = noise_floor if t.minimum_velocity is None else t.minimum_velocity
     speed = abs(e.velocity)
     if speed > least or (t.minimum_velocity is not None and speed >= least > 0):
@@ -217,22 +220,21 @@ def _unsteadiness(e: Evidence, usual: Scale, t: Thresholds) -> Iterator[Finding]
     """Reasons against steady motion, of which the first counts."""
     yield from _at_rest(e, usual, t, 0.0)
     speed, unit, of_torque = abs(e.velocity), unit_of("velocity"), unit_of("torque")
-    # default drift of the velocity, relative to its mean; or what noise alone gives, where that is more
-    tolerance = max(0.05 * speed, min(e.drift_noise, 0.5 * speed))
+    tolerance = max(levels.DRIFTS * speed, min(e.drift_noise, 0.5 * speed))
     allowed = tolerance if t.velocity_tolerance is None else t.velocity_tolerance * speed
     drift = {"drift": e.drift, "velocity": e.velocity}
-    if e.drift > max(allowed, 0.999 * speed):
+    if e.drift > max(allowed, levels.TRANSIENT * speed):
         message = f"Transient: in {e.duration:.3g} s its velocity changes by {e.drift:.3g}{unit}, to another speed."
         yield Finding("transient", NOTE, message, {"duration": e.duration, **drift})
     if e.drift > allowed:
         message = f"Accelerating: its velocity drifts by {e.drift:.3g}{unit}; {allowed:.3g}{unit} is allowed (segments.velocity_tolerance)."
         yield Finding("accelerating", NOTE, message, {**drift, "allowed": allowed})
-    if e.backward > 0.1:
-        message = f"Hunting: it moves backward {100 * e.backward:.0f} % of the time; 10 % is allowed."
+    if e.backward > levels.HUNTS:
+        share, allowed = 100 * e.backward, 100 * levels.HUNTS
+        message = f"Hunting: it moves backward {share:.0f} % of the time; {allowed:.0f} % is allowed."
         yield Finding("hunting", NOTE, message, {"backward": e.backward})
-    yield from _at_rest(e, usual, t, 5 * e.velocity_error)  # which means little where the velocity drifts or swings
-    # beyond this scatter of the eighths' mean velocities there is no mean
-    allowed = max(0.25, t.velocity_tolerance or 0.0) * speed
+    yield from _at_rest(e, usual, t, levels.MOVES * e.velocity_error)  # means little where velocity drifts or swings
+    allowed = max(levels.SCATTERS, t.velocity_tolerance or 0.0) * speed
     if e.scatter > allowed:
         message = f"Stick-slip without a steady mean: that of its eighths scatters by {e.scatter:.3g}{unit}; {allowed:.3g}{unit} is allowed."
         yield Finding("unsteady", NOTE, message, {"scatter": e.scatter, "velocity": e.velocity, "allowed": allowed})
@@ -241,8 +243,8 @@ def _unsteadiness(e: Evidence, usual: Scale, t: Thresholds) -> Iterator[Finding]
         yield Finding("unsettled", NOTE, message, {"drift": e.torque_drift, "torque": e.torque})
 
 
-def _saturated(e: Evidence) -> Finding | None:
-    if e.clipped <= 0.05:
+def _saturated(e: Evidence, most: float = levels.SATURATED) -> Finding | None:
+    if e.clipped <= most:
         return None
-    message = f"Saturated: {100 * e.clipped:.0f} % of its samples are at the largest torque or voltage; 5 % is allowed. Move slower."
+    message = f"Saturated: {100 * e.clipped:.0f} % of its samples are at the largest torque or voltage; {100 * most:.0f} % is allowed. Move slower."
     return Finding("saturated", NOTE, message, {"share": e.clipped})

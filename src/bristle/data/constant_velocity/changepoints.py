@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import gammaln
 
 from bristle.arrays import Array
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import autocorrelation
 from bristle.estimation.levels import PLATEAU_BLOCKS
 
@@ -45,8 +46,8 @@ def candidates(velocity: Array, torque: Array, start: int, stop: int) -> list[Ca
         length, mean = s.stop - s.start, float(velocity[s.start : s.stop].mean())
         if not any(
             max(k.start - s.stop, s.start - k.stop) <= length
-            and k.stop - k.start >= 3 * length
-            and abs(mean - speed) <= 0.1 * abs(speed)
+            and k.stop - k.start >= levels.EDGE * length
+            and abs(mean - speed) <= levels.SAME_PLATEAU * abs(speed)
             for k, speed in kept
         ):
             kept.append((s, mean))
@@ -67,7 +68,7 @@ def _plateaus(velocity: Array, torque: Array, start: int, stop: int) -> list[Can
             break
         cut = _cut(velocity, torque, start, stop, blocks)
         total = sum(s.score for s in cut)
-        if total > 1.05 * most:
+        if total > levels.FINER * most:
             best, most = cut, total
     if not best:
         return []
@@ -110,8 +111,7 @@ def _lines(u: Array) -> list[tuple[int, int]]:
             spread, covariance = skk - sk * sk / m, sku - sk * su / m
             covariance[m < 2] = 0.0
             residual = np.maximum(suu - su * su / m - covariance * covariance / np.maximum(spread, 0.5), 0.0)
-            # of the prior: what is flatter than 1 % of its mean is flat
-            scale = max(noise, 1e-150) ** 2 + (0.01 * su / m) ** 2
+            scale = max(noise, 1e-150) ** 2 + (levels.FLAT * su / m) ** 2
             columns = (m + _PRIOR) * np.log1p(residual / (_PRIOR * scale)) + m * np.log(scale)
         total = best[:j] + columns[(j - 1) % _COLUMNS, :j] - constant[j:0:-1]
         previous[j] = int(np.argmin(total))
@@ -126,8 +126,9 @@ def _settled(u: Array, t: Array, i: int, j: int) -> tuple[int, int]:
     """Blocks i to j - 1 without those at the ends whose velocity or torque is over four deviations off the median."""
     outside = np.zeros(j - i, dtype=bool)
     for x in (u[i:j], t[i:j]):
-        off = np.abs(x - np.median(x))
-        outside |= off > max(4 * float(np.median(off)) / 0.6745, 1e-3 * float(np.abs(np.median(x))))
+        middle = float(np.median(x))
+        off = np.abs(x - middle)
+        outside |= off > max(levels.DEVIATIONS * float(np.median(off)) / 0.6745, levels.SETTLED * abs(middle))
     inside = np.flatnonzero(~outside)
     return (i + int(inside[0]), i + int(inside[-1]) + 1) if inside.size else (i, i)
 
@@ -145,8 +146,7 @@ def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
         apart = abs(float(halves[0].mean() - halves[1].mean()))
         few = min(x.size for x in halves) < 2
         noise = np.inf if few else float(np.sqrt(sum(np.var(x, ddof=1) / x.size for x in halves)))
-        # four standard errors by which the halves of a plateau differ whose torque still settles
-        if apart <= 4.0 * noise:
+        if apart <= levels.DEVIATIONS * noise:
             break
     return replace(s, start=s.start + length * first, cut=length * first)
 
@@ -159,9 +159,8 @@ def _score(u: Array, v: Array) -> float:
     mean = float(abs(u.mean()))
     slope, level = np.polyfit(np.arange(m), u, 1)
     sd = float(np.std(u - (level + slope * np.arange(m)))) * np.sqrt(m / (m - 2))
-    drifts = abs(slope) * m > max(0.1 * mean, 3 * sd * np.sqrt(12 / m))
-    if drifts or mean <= 5 * sd / np.sqrt(m):
+    drifts = abs(slope) * m > max(levels.CUT_DRIFT * mean, levels.SURE * sd * np.sqrt(12 / m))
+    if drifts or mean <= levels.MOVES * sd / np.sqrt(m):
         return 0.0
     swing = float(np.var(v)) * max(float(autocorrelation(v)[min(2, v.size - 1)]), 0.0)
-    # a swing of 0.05 of the mean costs nothing: cutting finer must explain more motion, not less noise
-    return v.size / (1 + 6 * max(float(np.sqrt(swing)) / mean - 0.05, 0.0))
+    return v.size / (1 + 6 * max(float(np.sqrt(swing)) / mean - levels.CUT_SWING, 0.0))

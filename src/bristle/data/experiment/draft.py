@@ -23,6 +23,7 @@ from bristle.data.text_layout import is_stamp, text_layout
 from bristle.data.text_table import is_text, naming, read_table
 from bristle.data.units import factor, to_si
 from bristle.errors import InputError, check_name, short, short_list
+from bristle.estimation import levels
 from bristle.model.parameters import Kind
 from bristle.model.parameters import unit as unit_of
 
@@ -33,8 +34,6 @@ STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effor
 _OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")
 _TABLES = {".csv", ".txt", ".mcap", ".bag", ".db3", *READERS}  # endings by which a word is a file
 _LISTED, _SHOWN = 120, 200  # characters of column names in a sentence; columns that the draft lists
-_STEPS = {"ms": 1.0, "us": 300.0, "ns": 3e5}
-"""Least sampling interval at which a time without a unit is in ms, us or ns; below, it is in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -236,7 +235,7 @@ def _slower(log: "_Log", beside: Mapping[str, "_Log"]) -> Path | None:
         return None
     times = (x.values(x.guesses["time"]) * factor(x.guesses["time"].unit or "s", "s") for x in logs)
     step, other = (float(np.median(np.diff(t))) if t.size > 1 else 0.0 for t in times)
-    return logs[1].path if other > 1.2 * step > 0 else None
+    return logs[1].path if other > levels.SLOWER_FILE * step > 0 else None
 
 
 def relative(path: Path, folder: Path) -> str:
@@ -296,10 +295,9 @@ class _Log:
         if guesses["time"].unit:
             return guesses, None
 
-        # a log has more than three samples a second, and its step in ms is less than one in us
         time = self.values(guesses["time"])
         step = float(np.median(np.abs(np.diff(time)))) if time.size > 1 else 0.0
-        by_step = next((unit for unit, least in reversed(_STEPS.items()) if step >= least), None)
+        by_step = next((unit for unit, least in reversed(levels.TIME_UNITS.items()) if step >= least), None)
         guesses["time"] = guesses["time"]._replace(unit=by_step)
         return guesses, by_step
 
@@ -327,8 +325,9 @@ class _Log:
         steps = np.zeros(0)
         with suppress(InputError):  # it may hold words
             steps = np.diff(self.values(_FIRST))
-        usual = np.median(steps) if steps.size else 0.0
-        return bool(steps.size and steps.min() > 0 and 1e-5 < usual < 1 and steps.max() < 100 * usual)
+        usual, (least, most) = np.median(steps) if steps.size else 0.0, levels.TIME_STEPS
+        within = least < usual < most and steps.max() < levels.LONGEST_STEP * usual
+        return bool(within and steps.min() > 0)
 
 
 _FIRST = ColumnGuess("0", None)  # column of a text file
@@ -396,14 +395,13 @@ def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> boo
         raise InputError(f"{log.path}: {why} (there are: {log.there})")
     if told.rate is not None or "time" in guesses:
         return False
-    # 1000 rows: where time is not logged, more than so many are a log, and no velocity-torque pairs
-    if "velocity" in guesses and log.values(guesses["velocity"]).size <= 1000:
+    if "velocity" in guesses and log.values(guesses["velocity"]).size <= levels.MOST_POINTS:
         return True
     names = "name it, as in --column time=NAME --unit time=s, or give --rate '1 kHz'"
     raise InputError(f"{log.path}: no column is named as the time; {names} (there are: {log.there})")
 
 
-def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
+def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told, near: float = levels.FULL_TURN) -> bool:
     """Whether a position in its unit, or else in rad, jumps by a full turn in one of the files."""
     unit, scale = told.units.get("position") or guess.unit or "rad", told.scales.get("position", 1.0)
     count = None if told.encoder_resolution is None else to_si(told.encoder_resolution, "rad")
@@ -411,8 +409,7 @@ def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
         return False
     turn = 2 * np.pi / abs(factor(unit, "rad", scale=scale, resolution=count))
     jumps = (np.abs(np.diff(_Log(file).values(guess))) for file in files)
-    # 0.1 of a full turn: a jump of the position that is as close to one is a wrap
-    return any(bool((np.abs(jump / turn - 1) < 0.1).any()) for jump in jumps)
+    return any(bool((np.abs(jump / turn - 1) < near).any()) for jump in jumps)
 
 
 def _counted(

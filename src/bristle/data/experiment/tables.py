@@ -21,6 +21,7 @@ from bristle.data.experiment.signals import Context, Position, Signal, Signals, 
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.text_table import RawTable, Reader, naming, read_table
 from bristle.errors import InputError, check_name, short
+from bristle.estimation.levels import AS_SLOW
 from bristle.findings import NOTE, Finding
 
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
@@ -129,8 +130,7 @@ def matches(files: str, experiment: Path) -> list[tuple[Path, str]]:
 
 
 Source = tuple[Path, str]  # a file, and how it is called
-_APART = 100
-"""Gaps between a file and one whose time begins anew after it: nothing tells what the joint did meanwhile."""
+_APART = 100  # gaps between a file and one whose time begins anew after it: what the joint did meanwhile is unknown
 
 
 def keys_of(signals: Signals) -> dict[str, Key]:
@@ -177,7 +177,7 @@ def _on_rows_of_slowest(
     if table.time is None or np.logical_and.reduce(list(seen.values())).sum() >= fewest / 2:
         return table
     # of those that are about as slow the motion, whose derivatives interpolation would bend
-    slow = [name for name, rows in seen.items() if rows.sum() <= 1.1 * fewest]
+    slow = [name for name, rows in seen.items() if rows.sum() <= AS_SLOW * fewest]
     base = next((name for name in ("position", "velocity") if name in slow), slow[0])
     rows = seen[base] & np.isfinite(table.time)
     columns, notes = {key: values[rows] for key, values in table.columns.items()}, list(table.notes)

@@ -22,7 +22,7 @@ from bristle.data.robot.robot_file import Robot
 from bristle.data.robot.urdf import Payload, Urdf
 from bristle.data.text_table import RawTable, Reader, read_table
 from bristle.errors import InputError, short_list
-from bristle.estimation.levels import JOINT_RESTS
+from bristle.estimation.levels import JOINT_RESTS, STILL
 from bristle.findings import NOTE, Finding
 
 MAX_JOINTS = 100  # most joints that move: what Pinocchio keeps for a robot grows with their cube
@@ -167,8 +167,7 @@ def read_motions(robot: Robot, read: Reader) -> dict[str, RobotMotion]:
     farthest = {name: max((t.get(name, 0.0) for t in travels.values()), default=0.0) for name in robot.names}
     motions = dict[str, RobotMotion]()
     for key, own in records.items():
-        # a joint rests where it goes no further than 0.02 of its largest travel in any run
-        rests = {name for name, x in travels[key].items() if x <= max(JOINT_RESTS, 0.02 * farthest[name])}
+        rests = {name for name, x in travels[key].items() if x <= max(JOINT_RESTS, STILL * farthest[name])}
         at = {name: x if isinstance(x, float) else float(np.median(np.asarray(x.position))) for name, x in own.items()}
         motions[key] = RobotMotion(
             file=called[key],

@@ -10,9 +10,9 @@ from scipy.special import fdtrc
 
 from bristle.arrays import Array
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import correlated, unexplained
 from bristle.estimation.covariance import condition, student
-from bristle.estimation.levels import BENT, EQUATIONS_EACH, FACTOR, HARDLY_SEEN, MATTERS, SIGNIFICANCE, USELESS, WIDE
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
@@ -116,7 +116,7 @@ def _settled(
     problem: DynamicProblem, start: Values, others: Sequence[Values], progress: Progress | None, *, search: bool
 ) -> tuple[DynamicProblem, MultistartSolution[Unknown], dict[ParameterName, Finding], dict[ParameterName, str]]:
     """The problem with its run weights, its solution, reasons of dropped Stribeck terms, and doubts on kept ones."""
-    if problem.size < EQUATIONS_EACH * len(problem.names):  # too few to estimate anything
+    if problem.size < levels.EQUATIONS_EACH * len(problem.names):  # too few to estimate anything
         search, others = False, ()
     dropped, shown = dict[ParameterName, Finding](), dict[ParameterName, str]()
     if not problem.is_rough:  # all of it over means of samples, then the whole problem once
@@ -133,7 +133,7 @@ def _settled(
     _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
     by_run = np.repeat(run, [m.size for m in problem.motions])
     scatter = np.sqrt(np.bincount(by_run, equations_left(problem, solution) ** 2) / np.bincount(by_run))
-    if scatter.max() > FACTOR * scatter.min():
+    if scatter.max() > levels.FACTOR * scatter.min():
         weights = (float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())).tolist()
         motions = tuple(replace(m, weight=weights[k]) for m, k in zip(problem.motions, run, strict=True))
         problem = replace(problem, motions=motions)
@@ -159,7 +159,7 @@ def _settled(
         # an F test of the costs, since the law bends within the errors; a bend must explain most of the cost
         ratio = found.minimum.cost / max(solution.minimum.cost, 1e-300)
         p = fdtrc(len(more), solution.freedom, solution.freedom / len(more) * max(ratio - 1, 0.0))
-        if "unseen-wide" not in kinds and p < SIGNIFICANCE and (not again or ratio > BENT):
+        if "unseen-wide" not in kinds and p < levels.SIGNIFICANCE and (not again or ratio > levels.BENT):
             shown |= {name: why.code for name, (_, why) in more.items()}
             continue
         rest = found if again else found._replace(starts=solution.starts, reached=solution.reached)
@@ -184,11 +184,11 @@ def _not_shown(
         values = solution.values
         if not {alpha_1, v_s} <= values.keys() or problem.with_prior & {v_s, alpha_1} or alpha_1 in shown:
             continue
-        if errors.get(alpha_0, 0.0) > WIDE or np.log(values[v_s]) > upper[v_s] - _EDGE:
+        if errors.get(alpha_0, 0.0) > levels.WIDE or np.log(values[v_s]) > upper[v_s] - _EDGE:
             bends |= {alpha_1: (0.0, bend), v_s: (values[v_s], bend)}
         elif alpha_1 in doubts and doubts[alpha_1].code == "unseen-no-peak":
             none |= {alpha_1: (0.0, doubts[alpha_1]), v_s: (values[v_s], doubts[alpha_1])}
-        elif values[alpha_1] > values.get(alpha_0, np.inf) and errors[alpha_1] > WIDE * values[alpha_1]:
+        elif values[alpha_1] > values.get(alpha_0, np.inf) and errors[alpha_1] > levels.WIDE * values[alpha_1]:
             unsure[alpha_1] = values[alpha_0], wide(errors[alpha_1] / values[alpha_1])
     return bends or unsure or none
 
@@ -210,11 +210,11 @@ def estimates_of(
     estimates = _estimates(solution._replace(scaled_errors=left.errors), kind)
     for name, why in dropped.items():
         estimates[name] = Estimate(value=None, unit=unit(name.name, kind), interval=(0.0, np.inf), warnings=(why,))
-    if not solution.minimum.converged or problem.percent(equations_left(problem, solution)) > USELESS:
+    if not solution.minimum.converged or problem.percent(equations_left(problem, solution)) > levels.USELESS:
         message = "Not estimated: the fit did not converge, or leaves more than was measured."
         estimates = warned(estimates, dict.fromkeys(estimates, Finding("unseen-unconverged", NOTE, message)))
     equations, unknowns = solution.minimum.residuals.size, len(solution.names)
-    if equations < (least := EQUATIONS_EACH * unknowns):
+    if equations < (least := levels.EQUATIONS_EACH * unknowns):
         message = (
             f"Not estimated: the motion leaves {equations} equations for {unknowns} unknowns, and at least {least} are "
             "needed; log longer or faster."
@@ -244,7 +244,7 @@ def estimates_of(
         made = known[:, at] * solution.minimum.x[seen][at]
         known[:, at] = 0.0
         changed = known[:, of] @ moved_by(known, made)[of] / problem.weight
-        if (share := float(np.sqrt(np.mean(changed**2))) / left.friction) < MATTERS:
+        if (share := float(np.sqrt(np.mean(changed**2))) / left.friction) < levels.MATTERS:
             message = (
                 f"Not identifiable from this motion: it comes out at {J.value:.2g} {J.unit}, and none is below zero; without it friction "
                 f"would change by {100 * share:.1g} %."
@@ -275,7 +275,7 @@ def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[Parame
                 low = max(low, least)
             if value == least and of_friction(bare):
                 warnings.append(AT_BOUND)
-        if relative > WIDE and of_friction(bare) and np.isfinite(least_of(bare)):
+        if relative > levels.WIDE and of_friction(bare) and np.isfinite(least_of(bare)):
             warnings.append(wide(relative))
         out[name] = Estimate(
             value=value, unit=unit(bare, kind), standard_error=se if np.isfinite(se) else None, interval=(low, high),
@@ -332,8 +332,8 @@ def hardly_seen_findings(
     jacobian = solution.minimum.jacobian[:, keep]
     _, values, directions = np.linalg.svd(jacobian / np.linalg.norm(jacobian, axis=0), full_matrices=False)
     for value, direction in zip(values, directions, strict=True):
-        if value < HARDLY_SEEN * values[0]:
-            large = np.flatnonzero(np.abs(direction) > 0.3 * np.abs(direction).max())
+        if value < levels.HARDLY_SEEN * values[0]:
+            large = np.flatnonzero(np.abs(direction) > levels.MEMBERS * np.abs(direction).max())
             members = [(solution.names[keep[k]], direction[k]) for k in large]
             if any(name in unseen or not of_friction(name.name) for name, _ in members):
                 warnings.append(hardly_seen(members))

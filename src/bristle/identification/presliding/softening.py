@@ -11,7 +11,7 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import NEAREST, RARE, SOFTER, VAGUE
+from bristle.estimation.levels import DEPENDENT, NEAREST, RARE, SOFTER, VAGUE
 from bristle.estimation.profile_likelihood import interval_on_grid
 from bristle.findings import CAUTION, Finding, in_direction
 from bristle.identification.presliding.stiffness import KnownValue, of_loading, unbent
@@ -20,7 +20,6 @@ from bristle.model.parameters import Kind, unit
 _BLOCKS = 32  # means per loading without counts
 _KNOTS = (3, 6)  # least (two do not tell a curve from its chords) and most
 _PER_KNOT = 6  # least points per knot, beyond one per loading
-_SINGULAR = 1e8  # condition above which the points do not determine the line
 _GRID = 64  # values of 1 / g0 between which ends are sought
 _STRAIGHT = 1e-6  # smallest 1 / g0 over the bound's, which bends nothing
 
@@ -147,7 +146,7 @@ def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:
     centred, used = _within_loadings(np.column_stack([points.y, *columns]), points)
     y, A = centred[:, 0], centred[:, 1:]
     scale = np.linalg.norm(A, axis=0)
-    if (scale == 0).any() or np.linalg.cond(A / scale) > _SINGULAR or y.size <= used + at.size:
+    if (scale == 0).any() or np.linalg.cond(A / scale) > DEPENDENT or y.size <= used + at.size:
         return None
     inverse = np.linalg.pinv(A)
     found = inverse @ y

@@ -22,7 +22,7 @@ from bristle.data.robot.motion import (
 )
 from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
-from bristle.estimation.levels import BEYOND_LIMIT, LINK_TORQUE, NO_DRIVE, PEAK_EFFORT, SAMPLES_BEYOND
+from bristle.estimation.levels import BEYOND_LIMIT, CLEAR, LINK_TORQUE, NO_DRIVE, PEAK_EFFORT, SAMPLES_BEYOND
 from bristle.findings import CAUTION, CRITICAL, Finding, unit_of
 from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measured_of, refuse_repeated
@@ -148,7 +148,7 @@ def _with_constant(
 ) -> tuple[Experiment, tuple[Run, ...]]:
     """The joint in N*m by a torque constant; without one in A, links as regressor if clear."""
     if K is None:
-        clear = found.scale > 2 * found.error
+        clear = found.scale > CLEAR * found.error
         beside = tuple(name for name in regressors(experiment) if name not in LEVELS)
         asked = tuple(dict.fromkeys((*beside, "links"))) if clear else experiment.fit.regressors
         by = experiment.motor.k_t if experiment.motor else 1.0  # 1 N*m/A, but for a gear

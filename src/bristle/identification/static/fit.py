@@ -16,7 +16,7 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import unexplained
 from bristle.estimation.covariance import condition
-from bristle.estimation.levels import ONE_SPEED
+from bristle.estimation.levels import DEPENDENT, ONE_SPEED
 from bristle.estimation.score_test import Fitted, explained
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.candidates import candidates
@@ -134,7 +134,7 @@ def _too_few(problem: Regression) -> Finding | None:
     if n <= m:
         message = f"{n} points for {m} linear parameters: at least {m + 1} are needed; measure more speeds."
         return Finding("too-few-points", CRITICAL, message, {"points": n, "parameters": m, "least": m + 1})
-    if condition(problem.linear) > 1e8:
+    if condition(problem.linear) > DEPENDENT:
         message = (
             "The points do not separate the linear parameters (one speed only, or a regressor that never "
             "changes); measure more speeds."

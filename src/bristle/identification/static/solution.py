@@ -12,7 +12,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance as uncertainty
 from bristle.estimation.autocorrelation import correlated, inflation
-from bristle.estimation.levels import SIGNIFICANCE
+from bristle.estimation.levels import INFLATED, SIGNIFICANCE
 from bristle.estimation.linear import best_column_p_value
 from bristle.estimation.score_test import moved_by
 from bristle.findings import CAUTION, NOTE, Finding, in_direction, unit_of
@@ -114,7 +114,7 @@ def solve_static(
     names = list(compress(problem.names, free))
     moved = {constant: moved_by(jacobian[:, free], change) for constant, change in problem.shifts.items()}
     warnings = list(dropped.values())
-    if variance_inflation > 2:
+    if variance_inflation > INFLATED:
         warnings.append(correlated(solution.residuals, sqrt(variance_inflation)))
     outcome = Finding("static-converged", NOTE, "Converged.")
     if dropped and not problem.peaks:

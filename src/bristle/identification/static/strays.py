@@ -15,13 +15,12 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.estimation.levels import ONE_STRAY_IN, SIGNIFICANCE
+from bristle.estimation.levels import ONE_STRAY_IN, SIGNIFICANCE, TOGETHER
 from bristle.identification.static.grid import Projected, Solution, default_range, solve
 from bristle.identification.static.problem import Regression, log_grid
 
 _GRIDS = {1: 96, 2: 24}  # values of v_s by number of peaks
 SINGLY = 1000  # points up to which strays are left out one by one
-_ALIKE = 0.25  # of the largest fall of the cost: of many points, others above it are left out together
 _PAIRED = 200  # most points that form pairs, by their single falls of the cost
 _REFITTED = 5  # sets that are refitted, of the largest falls on the grid
 _VANISHED = 1e-9  # share off the fit's columns below which a point is always fitted
@@ -75,7 +74,7 @@ def _significant(problem: Regression, significance: float = SIGNIFICANCE) -> lis
             refitted = [refit(problem.rows(all_but(n, rows))).cost for rows in few]
             chosen, exact = few[int(np.argmin(refitted))], base - min(refitted)
         together = n > SINGLY and size == 1
-        fall = np.append(exact, falls[falls > _ALIKE * falls[0]] if together else [])
+        fall = np.append(exact, falls[falls > TOGETHER * falls[0]] if together else [])
         F = fall / size * (n - parameters - size) / np.maximum(base - fall, noise)
         rare = fdtrc(size, n - parameters - size, F) * comb(n, size) < significance
         if rare[0] and exact > noise * size:

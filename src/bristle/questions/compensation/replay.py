@@ -15,7 +15,7 @@ from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
 from bristle.control.control_period import flat, no_friction, symbols
-from bristle.estimation.levels import MATTERS
+from bristle.estimation.levels import MATTERS, UNCHANGED, UNFIT
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.known_joint import rises_of
@@ -72,13 +72,13 @@ class Replay:
                 "otherwise leave it off, or lower gamma."
             )
             return Finding("gain-at-limit", CAUTION, message, numbers)
-        if before > 50.0:  # percent
+        if before > UNFIT:
             message = (
                 f"The identified model leaves {before:.3g} % of this run's friction torque unexplained ({after:.3g} % adapted): check "
                 "units, sign and columns of the run; until then its gains mean nothing."
             )
             return Finding("model-unfit", CAUTION, message, {"before": before, "after": after})
-        little = max(0.3, 0.02 * before)  # largest difference that counts as none, percentage points
+        little = max(UNCHANGED[0], UNCHANGED[1] * before)
         if after < before - little:
             return Finding("adaptation-helps", NOTE, f"It helps here: {left}, at ratios {self.shares}.", numbers)
         if after <= before + little:

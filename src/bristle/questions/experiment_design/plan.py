@@ -8,7 +8,7 @@ import numpy as np
 
 from bristle.arrays import Array, result
 from bristle.errors import InputError
-from bristle.estimation.levels import NORMAL, WIDE
+from bristle.estimation.levels import NORMAL, SLOWEST, WIDE
 from bristle.findings import CAUTION, NOTE, Finding, in_direction
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
@@ -103,7 +103,7 @@ class Plan:
             warnings.append(Finding("still-unseen", CAUTION, message, {"names": unseen}))
         for plan in self.velocities:
             slowest, ratio = plan.problem.low, plan.problem.low / plan.problem.p.v_s
-            if ratio > 0.5:
+            if ratio > SLOWEST:
                 message = (
                     f"The slowest constant speed, {slowest:.3g} {unit('velocity', self.joint.kind)}, is {ratio:.2g} times "
                     f"v_s{in_direction(plan.direction)}: slower runs would show the Stribeck term far better. If a stiffer "

@@ -24,10 +24,8 @@ FIG_1 = Lugre(0.0194, 0.0055, 0.0394, 0.072, 20.0, 0.02)
 """The parameters of the paper's Fig. 1."""
 FIG_1_V_S = (0.036, 0.072, 0.144)
 """Assumed: the paper shows three distinct v_s and names none. The middle one is the gripper's in Table 1."""
-_BEYOND = 1.15
-"""Times the fastest measured speed, up to which a curve that is held beyond it is drawn."""
-_SEEN = 0.01
-"""Of the range of torques: a narrower band lies within its line."""
+_BEYOND = 1.15  # times the fastest measured speed, up to which a curve that is held beyond it is drawn
+_SEEN = 0.01  # of the range of torques: a narrower band lies within its line
 
 _SHADES: dict[str, dict[str, Any]] = {
     "kept": {"facecolor": "#009E73", "alpha": 0.3, "linewidth": 0},

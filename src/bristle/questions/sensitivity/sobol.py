@@ -14,7 +14,7 @@ from bristle.arrays import Array
 from bristle.control.closed_loop import simulate
 from bristle.control.control_period import LoopOptions
 from bristle.errors import InputError
-from bristle.estimation.levels import CONFIDENCE
+from bristle.estimation.levels import CONFIDENCE, DIVERGED
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.model import functions, parameters
@@ -205,7 +205,7 @@ def global_sensitivity(
             errors = _batched(error, loop_points, _BATCH)
         except InputError as refused:
             return Finding("plants-refused", CAUTION, f"No indices of the loop's error: {refused}.")
-        diverged, drawn = int(np.count_nonzero(~(errors < 10 * subject.amplitude))), errors.size
+        diverged, drawn = int(np.count_nonzero(~(errors < DIVERGED * subject.amplitude))), errors.size
         message = f"The loop diverges with {diverged} of the {drawn} plants drawn; narrow the box, or lower the gains."
         lost = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": drawn})
         return lost if diverged else errors

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levels import CONFIDENCE, EXPLAINS
+from bristle.estimation.levels import CONFIDENCE, EXPLAINS, WIDE
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
@@ -47,7 +47,7 @@ class Expected(NamedTuple):
         """Identifiable parameters, (p,): to half the value, or with any finite error where the value may be zero."""
         errors, zero = self.information.standard_errors, ("offset", "gravity", "spring", "quadratic", "inertia")
         may_be_zero = np.array([x.name.startswith(zero) for x in self.information.names], dtype=bool)
-        return (errors < 0.5 * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
+        return (errors < WIDE * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
 
     def to_frame(self, kind: JointKind) -> "pd.DataFrame":
         """One row per parameter: expected standard error, that of the joint's fit, and whether it is identifiable."""
