@@ -22,7 +22,7 @@ LOGARITHMIC = ("alpha_0", "v_s", "sigma_0")  # descended as logarithms
 _MORE = 200  # additional steps for the lowest end
 _RISES = 0.1  # typical rise of friction per load
 _MOST = 10.0  # of the largest torque: limit of alpha_1
-_RUNGS, _DESCENT = 9, 6  # deflections tried, and steps at each
+_RUNGS, _DESCENT = 8, 6  # deflections tried, and steps at each
 _LOST = 10.0  # of the lowest cost: no descent begins above
 _OFFSET = ParameterName("offset", Direction.SHARED)
 
@@ -207,8 +207,8 @@ def _reaches(problem: DynamicProblem) -> list[float]:
     """Deflections from a count or a part of a typical step, a thirtieth where velocity is logged, to a third of the travel, rad."""
     softest = problem.travel / 3
     way = float(np.median(np.concatenate([np.abs(m.velocity[1:]) * m.step.min() for m in problem.motions])))
-    least = max(problem.count, way / 3) if problem.count else way / 30
-    return list(np.geomspace(max(least, 1e-6 * softest), softest, _RUNGS).tolist())
+    least, rungs = (max(problem.count, way / 3), _RUNGS) if problem.count else (way / 30, _RUNGS + 1)
+    return list(np.geomspace(max(least, 1e-6 * softest), softest, rungs).tolist())
 
 
 def _bristle_of(problem: DynamicProblem, known: Values, reach: float) -> dict[ParameterName, float]:
