@@ -160,7 +160,8 @@ def solve_dynamic(
         found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)
         both = carried(problem, {**one.fixed, **without_deflections(found.values)})
         both = {name: x for name, x in both.items() if name not in problem.fixed}
-        begins = [*others, with_deflections(problem, both)]
+        stiff = {**start, **_bristle_of(problem, {**problem.fixed, **start}, _reaches(problem)[0] / 10)}
+        begins = [*others, *(with_deflections(problem, x) for x in (stiff, both))]
     elif search:
         begins += _by_softness(problem, start)
     solve, finish = partial(solved, problem), partial(polished, problem)
@@ -204,11 +205,10 @@ def _by_softness(problem: DynamicProblem, start: Values) -> list[Values]:
 
 
 def _reaches(problem: DynamicProblem) -> list[float]:
-    """Deflections from a count or a part of a typical step, a thirtieth where velocity is logged, to a third of the travel, rad."""
+    """Deflections from a count, or a third of a typical step, to a third of the travel, ascending, rad."""
     softest = problem.travel / 3
     way = float(np.median(np.concatenate([np.abs(m.velocity[1:]) * m.step.min() for m in problem.motions])))
-    least, rungs = (max(problem.count, way / 3), _RUNGS) if problem.count else (way / 30, _RUNGS + 1)
-    return list(np.geomspace(max(least, 1e-6 * softest), softest, rungs).tolist())
+    return list(np.geomspace(max(problem.count, way / 3, 1e-6 * softest), softest, _RUNGS).tolist())
 
 
 def _bristle_of(problem: DynamicProblem, known: Values, reach: float) -> dict[ParameterName, float]:
