@@ -25,7 +25,7 @@ from bristle.model.parameters import Lugre
 from bristle.model.rollout import rollout
 
 ROOT = Path(__file__).parent.parent
-OLD, TURNS = "5f90f65", 2
+OLD, TURNS = "5f90f65", 1
 JOINT = Lugre(alpha_0=1.3, alpha_1=0.3, alpha_2=0.5, v_s=0.1, sigma_0=800.0, sigma_1=5.0)
 INERTIA, FINE = 0.2, 2000
 SERVO = "--column position=0 --unit position=rad --column velocity=1 --unit velocity=rad/s --column torque=4 --unit torque=N*m --rate 1kHz"
