@@ -141,7 +141,8 @@ class _MovingLaw(NamedTuple):
                 x = x_all.copy()
                 x[free] -= np.linalg.solve(rest + damping * np.eye(pull.size), pull) / size[free]
                 x = np.clip(x, unknowns.lower, unknowns.upper)
-                model = modelled(problem, {**self.values, **unknowns.values(x)})
+                with np.errstate(over="ignore", invalid="ignore"):  # of a step too far
+                    model = modelled(problem, {**self.values, **unknowns.values(x)})
                 trial = measured - np.concatenate([m.smoothed(T) for m, T in zip(problem.motions, model, strict=True)])
                 if power_of(trial[~out]) <= power_of(residuals[~out]):
                     left = trial

@@ -187,7 +187,7 @@ def refuse_opposing(
     if opposes:
         raise InputError(
             f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
-            "scale: -1 under signals, or its sign where it is a magnitude; or ask for fit.regressors that outweigh friction"
+            "scale: -1 under signals (--scale torque=-1), or its sign where it is a magnitude; or ask for fit.regressors that outweigh friction"
         )
 
 
