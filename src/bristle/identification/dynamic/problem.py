@@ -77,7 +77,7 @@ class Motion:
         return self.weight * self.smoothed(values)
 
     def rough(self) -> "Motion":
-        """Means of samples away from reversals, five an equation or more, and fewer nodes: residuals are the same to 0.2 %."""
+        """Means of samples away from reversals, five an equation or more, and fewer nodes: residuals are the same to 1 %."""
         count = 1 if self.smooth is None else self.time.size // (5 * self.size)
         if self.smooth is None or count < 2:
             return replace(self, coarsening=_ROUGH)
