@@ -64,15 +64,22 @@ def without_noisy_velocity(record: Record) -> Record:
     if record.position is None or record.velocity is None:
         return record
     bare, part = replace(record, velocity=None), _longest(record)
-    logged, position = (_shown(x[part], record.step).noise for x in (record.velocity, record.position))
-    # rms of white noise up to the Nyquist frequency, and of its derivative up to the cut-off
-    own, slope = np.sqrt(logged / (2 * record.step)), np.sqrt(position * of_motion(bare)[0] ** 3 / 3) * 2 * np.pi
+    logged, position = (_shown(x[part], record.step) for x in (record.velocity, record.position))
+
+    def slope_below(cutoff: float) -> float:
+        """Rms of the derivative of the position's white noise up to a cut-off."""
+        return float(2 * np.pi * np.sqrt(position.noise * cutoff**3 / 3))
+
+    # that of the velocity, up to the Nyquist frequency; the cut-off, which costs more, only where it can matter
+    own = float(np.sqrt(logged.noise / (2 * record.step)))
+    if own <= levels.NOISIER * slope_below(usable(record, levels.OVER_BAND * position.own)):
+        return record
+    slope = slope_below(of_motion(bare)[0])
     if own <= levels.NOISIER * slope:
         return record
     message = f"the slope of the position, {own / slope:.2g} times quieter than the logged one (fit.set_up: as-written overrules)"
     return replace(
-        bare,
-        notes=(*record.notes, Finding("velocity-noisy", NOTE, message, {"logged": float(own), "slope": float(slope)})),
+        bare, notes=(*record.notes, Finding("velocity-noisy", NOTE, message, {"logged": own, "slope": slope}))
     )
 
 
