@@ -68,6 +68,33 @@ def test_in_a_linear_problem_covariance_profile_and_bootstrap_coincide() -> None
         assert drawn[name][0] == pytest.approx([value - reach, value + reach], abs=0.2 * reach)
 
 
+def test_private_unknowns_of_blocks_are_projected_out() -> None:
+    """A level of its own in each of many blocks, one at its bound: the same minimum and errors as with a column each, in any number of blocks."""
+    rng, starts = np.random.default_rng(1), tuple(range(0, 400, 8))
+    x, own = rng.standard_normal((400, 2)), np.linspace(1.0, 2.0, 400)
+    dense = own[:, None] * (np.arange(400)[:, None] // 8 == np.arange(50))
+    levels = rng.normal(0, 0.3, 50)
+    levels[7] = -2.0  # beyond the bound
+    y = x @ [1.0, -2.0] + dense @ levels + 0.1 * rng.standard_normal(400)
+    lower, upper = (np.append([s * np.inf] * 2, np.full(50, s)) for s in (-1.0, 1.0))
+
+    def evaluate(at: Array) -> tuple[Array, Array]:
+        return np.hstack([x, dense]) @ at - y, np.column_stack([x, own])
+
+    def each(at: Array) -> tuple[Array, Array]:
+        return evaluate(at)[0], np.hstack([x, dense])
+
+    found = minimise(evaluate, np.zeros(52), lower, upper, settled=1e-12, blocks=starts)
+    plain = minimise(each, np.zeros(52), lower, upper, settled=1e-12)
+    assert found.x == pytest.approx(plain.x, abs=1e-5)
+    assert found.x[2 + 7] == -1.0
+    assert found.converged
+    free = np.delete(plain.jacobian, 2 + 7, axis=1)
+    errors = covariance(free, plain.cost)[0][:2, :2] * (400 - 51)
+    assert covariance(found.jacobian, found.cost)[0] * (400 - 2) == pytest.approx(errors, rel=1e-6)
+    assert found.private.off(dense)[:, np.arange(50) != 7] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_the_lowest_of_several_minima_is_kept() -> None:
     """Of starts in three valleys the lowest end is the solution, and counted; a further start that shows nothing is passed over."""
     known = unknowns("a")

@@ -23,7 +23,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.levels import CONFIDENCE, SIGNIFICANCE, VARIANCE_POINTS
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
-from bristle.estimation.nonlinear import Name, projected
+from bristle.estimation.nonlinear import Name
 
 DRAWS, REFITS = 2000, 1999  # of blocks, and of refitted residuals, whose interval ends are draws
 _AT_ONCE = 4_000_000  # numbers drawn, or scores computed, at a time
@@ -115,9 +115,8 @@ def bootstrap_at(solution: MultistartSolution[Name]) -> tuple[dict[Name, tuple[A
     """Ends of the interval, (2,), and draws, (B,), of each shared unknown inside its bounds; blocks per draw."""
     problem, minimum, errors = solution.posed, solution.minimum, solution.scaled_errors
     x, unknowns, n = minimum.x, problem.unknowns, minimum.residuals.size - problem.priors
-    inside = np.isfinite(errors) & (unknowns.lower < x) & (x < unknowns.upper)
-    which = problem.shared[inside[problem.shared]]
-    J = projected(minimum.jacobian, which, problem.blocks)
+    which = np.flatnonzero(np.isfinite(errors) & ((unknowns.lower < x) & (x < unknowns.upper))[: errors.size])
+    J = minimum.jacobian[:, which]
     drawn = block_bootstrap(J[:n], minimum.residuals[:n], problem.starts, priors=J[n:], sigma=problem.sigma)
     out: dict[Name, tuple[Array, Array]] = {}
     for column, j in enumerate(which.tolist()):

@@ -34,10 +34,10 @@ def covariance(jacobian: Array, cost: float, inflation: float = 1.0) -> tuple[Ar
 
 
 def covariance_at(problem: LeastSquares[Any], minimum: Minimum) -> Covariance:
-    """The covariance at a minimum, robust to correlation."""
+    """The covariance of the shared unknowns at a minimum, robust to correlation."""
     known, scaled = _robust(problem, minimum)
     errors, whole = np.full(known.size, np.inf), np.full((known.size, known.size), np.nan)
-    chain = problem.unknowns.slopes(minimum.x)[known]
+    chain = problem.unknowns.slopes(minimum.x)[: known.size][known]
     errors[known], whole[np.ix_(known, known)] = scaled.errors, scaled.matrix * np.outer(chain, chain)
     return scaled._replace(errors=errors, matrix=whole)
 
@@ -57,6 +57,7 @@ def _robust(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np.bo
     rest, known = minimum.residuals, seen(minimum.jacobian)
     jacobian = minimum.jacobian[:, known]
     (n, p), priors = jacobian.shape, problem.priors
+    p += len(problem.blocks)
     inner = inverse_gram(jacobian)
     weights = jacobian @ inner
     plain = inner * minimum.cost / max(n - p, 1)
@@ -66,11 +67,10 @@ def _robust(problem: LeastSquares[Any], minimum: Minimum) -> tuple[NDArray[np.bo
     spread += problem.sigma**2 * np.einsum("np,np->p", weights[n - priors :], weights[n - priors :])
     spread = np.maximum(spread, 0.0 if priors else plain.diagonal())
     ratio = np.sqrt(spread / plain.diagonal())
-    shared = np.isin(np.flatnonzero(known), problem.shared)
-    widening = float(np.median(ratio[shared])) if shared.any() else 1.0
+    widening = float(np.median(ratio)) if ratio.size else 1.0
     freedoms = np.ones(known.size)
     freedoms[known] = np.maximum((n - p) / variance_inflation, 1.0)
-    freedom = float(np.median(freedoms[known][shared])) if shared.any() else 1.0
+    freedom = float(np.median(freedoms[known])) if ratio.size else 1.0
     return known, Covariance(np.sqrt(spread), plain * np.outer(ratio, ratio), freedom, widening, freedoms)
 
 

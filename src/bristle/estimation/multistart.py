@@ -19,12 +19,12 @@ _NOTHING = 1e-20  # smaller costs are zero
 
 
 class MultistartSolution(NamedTuple, Generic[Name]):
-    """The lowest minimum and its covariance, as in `Covariance`."""
+    """The lowest minimum and the covariance of its shared unknowns, as in `Covariance`."""
 
     posed: LeastSquares[Name]
     minimum: Minimum
-    names: tuple[Name, ...]
-    values: Mapping[Name, float]
+    names: tuple[Name, ...]  # Of the shared unknowns, (k,)
+    values: Mapping[Name, float]  # Of all
     starts: int
     reached: int  # Starts that ended at that cost
     scaled_errors: Array
@@ -57,5 +57,5 @@ def solve_from_starts(
     posed, minimum = lowest if lowest is known else finish(*lowest)
     same = minimum.cost * (1 + max(SAME, _OF_VARIANCE / minimum.residuals.size)) + _NOTHING
     reached = max(sum(end.cost <= same for _, end in ends), 1)
-    names, values = posed.unknowns.names, posed.unknowns.values(minimum.x)
+    names, values = posed.unknowns.names[: posed.shared], posed.unknowns.values(minimum.x)
     return MultistartSolution(posed, minimum, names, values, count, reached, *covariance_at(posed, minimum))

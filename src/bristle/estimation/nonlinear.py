@@ -1,6 +1,10 @@
-"""Nonlinear least squares between bounds, by Gauss-Newton steps in a trust region, with unknowns private to blocks."""
+"""Nonlinear least squares between bounds, by Gauss-Newton steps in a trust region.
 
-from collections.abc import Callable, Hashable, Mapping
+Blocks of equations may have a private unknown each, the last ones. Steps project them out, as in variable projection
+(Golub and Pereyra, 1973), so that the cost grows linearly with blocks.
+"""
+
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, NamedTuple, TypeVar
 
@@ -12,7 +16,10 @@ from bristle.errors import InputError
 
 Name = TypeVar("Name", bound=Hashable)
 Evaluate = Callable[[Array], tuple[Array, Array]]
-"""Scaled unknowns, (p,) -> residuals, (n,), and Jacobian, (n, p); not finite where impossible."""
+"""Scaled unknowns, (p,) -> residuals, (n,), and Jacobian, (n, p); not finite where impossible.
+
+Private unknowns share one column, its last: of each equation the derivative by that of its block.
+"""
 _DAMPING = 1e-4
 _MOST_DAMPING = 1e8
 _HARDLY_SEEN = 1e-8  # of the longest column: damping treats shorter ones as so long
@@ -24,11 +31,26 @@ _STILL_ABOVE = 1.2  # of the lowest cost known, that it stays above
 _PROMISED = 3.0  # times the step's gain, as all that is left to gain
 
 
-class Block(NamedTuple):
-    """Rows of the residuals and their private unknowns."""
+class Private(NamedTuple):
+    """Derivatives of the equations by the private unknown of their block."""
 
-    rows: slice
-    columns: list[int]
+    column: Array  # (n,), or (0,) without private unknowns
+    starts: Sequence[int] = ()  # First equation of each block
+
+    def off(self, columns: Array) -> Array:
+        """Columns, (n, k) or (n,), less what private unknowns explain."""
+        if not self.column.size:
+            return columns
+        return np.asarray((columns.T - self.column * self.spread(self.shares(columns))).T)
+
+    def shares(self, columns: Array) -> Array:
+        """Multiples of the private derivatives that explain columns, (n, k) or (n,), best: (k, m) or (m,)."""
+        along, squares = (np.add.reduceat(x * self.column, self.starts, axis=-1) for x in (columns.T, self.column))
+        return np.asarray(along / np.where(squares > 0, squares, np.inf))
+
+    def spread(self, values: Array) -> Array:
+        """Values of blocks, (..., m), at each equation, (..., n)."""
+        return np.repeat(values, np.diff(np.append(self.starts, self.column.size)), axis=-1)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -71,36 +93,32 @@ class LeastSquares(Generic[Name]):
 
     unknowns: Unknowns[Name]
     evaluate: Evaluate
-    blocks: tuple[Block, ...] = ()  # In the order of the rows
     starts: tuple[int, ...] = (0,)  # First equation of each segment between gaps
+    private: bool = False  # Whether the last unknowns are private to a segment each
     priors: int = 0  # Number of the last rows that are priors, which scatter by `sigma`
     sigma: float = 1.0
 
     @property
-    def shared(self) -> NDArray[np.intp]:
-        """Unknowns that are private to no block, ascending."""
-        of_blocks = [k for block in self.blocks for k in block.columns]
-        return np.setdiff1d(np.arange(len(self.unknowns.names)), of_blocks)
+    def blocks(self) -> tuple[int, ...]:
+        """First equation of each segment with a private unknown."""
+        return self.starts if self.private else ()
 
-
-def projected(jacobian: Array, shared: NDArray[np.intp], blocks: tuple[Block, ...]) -> Array:
-    """Columns of shared unknowns, (n, k), with private ones projected out."""
-    left = jacobian[:, shared]
-    for rows, columns in blocks:
-        basis = np.linalg.qr(jacobian[rows][:, columns])[0]
-        left[rows] -= basis @ (basis.T @ left[rows])
-    return left
+    @property
+    def shared(self) -> int:
+        """Number of unknowns that are private to no segment, the first ones, k."""
+        return len(self.unknowns.names) - len(self.blocks)
 
 
 class Minimum(NamedTuple):
     """The end of a descent."""
 
-    x: Array
+    x: Array  # (p,)
     cost: float
-    residuals: Array
-    jacobian: Array  # Of the residuals by x, (n, p)
+    residuals: Array  # (n,)
+    jacobian: Array  # Of the residuals by the shared unknowns, the first of x, with private ones projected out, (n, k)
     steps: int  # Steps that lowered the cost
     converged: bool
+    private: Private = Private(np.zeros(0))
 
 
 def minimise(
@@ -112,13 +130,15 @@ def minimise(
     settled: float = _SETTLED,
     lowest: float = np.inf,
     enough: float = 0.0,
+    blocks: Sequence[int] = (),
 ) -> Minimum:
     """The nearest minimum of the sum of squares with lower <= x <= upper, in at most `most` steps.
 
     Ends at steps below the share `settled` of the residuals' variance, or below `enough`; gives up, unconverged, where
-    the end is clearly above `lowest`. Raises InputError where the start has no finite cost, or nothing depends on x.
+    the end is clearly above `lowest`; `blocks` begin at these equations, if they have private unknowns. Raises InputError
+    where the start has no finite cost, or nothing depends on x.
     """
-    x = np.clip(start, lower, upper)
+    x, k = np.clip(start, lower, upper), start.size - len(blocks)
     residuals, jacobian = evaluate(x)
     cost = float(residuals @ residuals) if np.isfinite(np.vdot(jacobian, jacobian)) else np.inf
     if not np.isfinite(cost) or not (jacobian.T @ residuals).any():
@@ -126,22 +146,26 @@ def minimise(
         raise InputError(
             f"at the start of the fit {what}; the motion shows none of the parameters, or the start is wrong"
         )
-    damping, taken, scale, converged, hopeless, slow = _DAMPING, 0, np.zeros(x.size), False, 0, 0
-    gram, slope = jacobian.T @ jacobian, jacobian.T @ residuals
+    damping, taken, scale, converged, hopeless, slow = _DAMPING, 0, np.zeros(k), False, 0, 0
+    private, seen, left = _projected(x, residuals, jacobian, lower, upper, blocks)
+    gram, slope = seen.T @ seen, seen.T @ left
     for _ in range(most):
         scale = np.maximum(scale, np.sqrt(gram.diagonal()))
         size = np.where(scale > 0, np.maximum(scale, _HARDLY_SEEN * scale.max()), 0.0)
-        free = (scale > 0) & ~((x <= lower) & (slope > 0)) & ~((x >= upper) & (slope < 0))
+        free = (scale > 0) & ~_held(x[:k], slope, lower[:k], upper[:k])
         # the damped step, none where not free, and by how much it lowers the linearised cost
         inner, right = gram[np.ix_(free, free)] / np.outer(size[free], size[free]), slope[free] / size[free]
         scaled = -np.linalg.lstsq(inner + damping * np.eye(right.size), right, rcond=1e-15)[0]
-        expected = float(-2 * scaled @ right - scaled @ inner @ scaled)
+        expected = float(-2 * scaled @ right - scaled @ inner @ scaled) + (cost - float(left @ left))
         if expected <= max(settled * cost / residuals.size, enough):
             converged = True
             break
         trial = x.copy()
-        trial[free] += scaled / size[free]
+        trial[:k][free] += scaled / size[free]
         trial = np.clip(trial, lower, upper)
+        if blocks:  # private unknowns follow at once
+            trial[k:] -= private.shares(residuals + jacobian[:, :k] @ (trial[:k] - x[:k]))
+            trial = np.clip(trial, lower, upper)
         new_residuals, new_jacobian = evaluate(trial)
         new_cost = float(new_residuals @ new_residuals) if np.isfinite(np.vdot(new_jacobian, new_jacobian)) else np.inf
         gained = (cost - new_cost) / expected if np.isfinite(new_cost) else -1.0
@@ -151,7 +175,8 @@ def minimise(
             hopeless = hopeless + 1 if little else 0
             slow = slow + 1 if cost - new_cost <= max(_SLOW * cost / residuals.size, enough) else 0
             x, residuals, jacobian, cost = trial, new_residuals, new_jacobian, new_cost
-            gram, slope = jacobian.T @ jacobian, jacobian.T @ residuals
+            private, seen, left = _projected(x, residuals, jacobian, lower, upper, blocks)
+            gram, slope = seen.T @ seen, seen.T @ left
             taken += 1
             if hopeless >= _HOPELESS or slow >= _CREEPS:
                 converged = slow >= _CREEPS
@@ -160,4 +185,22 @@ def minimise(
         if damping > _MOST_DAMPING:
             converged = abs(cost - new_cost) <= 1e-9 * cost
             break
-    return Minimum(x, cost, residuals, jacobian, taken, converged)
+    return Minimum(x, cost, residuals, seen, taken, converged, private)
+
+
+def _projected(
+    x: Array, residuals: Array, jacobian: Array, lower: Array, upper: Array, blocks: Sequence[int]
+) -> tuple[Private, Array, Array]:
+    """Private derivatives, but of those held at a bound, and the others' and the residuals with them projected out."""
+    if not blocks:
+        return Private(np.zeros(0)), jacobian, residuals
+    k = x.size - len(blocks)
+    private = Private(jacobian[:, k], blocks)
+    held = _held(x[k:], private.shares(residuals), lower[k:], upper[k:])
+    private = private._replace(column=private.column * private.spread(np.where(held, 0.0, 1.0)))
+    return private, private.off(jacobian[:, :k]), private.off(residuals)
+
+
+def _held(x: Array, slope: Array, lower: Array, upper: Array) -> NDArray[np.bool_]:
+    """Whether unknowns are at a bound, and descent is beyond."""
+    return np.asarray(((x <= lower) & (slope > 0)) | ((x >= upper) & (slope < 0)))

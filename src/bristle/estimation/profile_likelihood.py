@@ -81,15 +81,15 @@ def profiles(
     """
     problem, minimum = solution.posed, solution.minimum
     unknowns, x, known = problem.unknowns, minimum.x, seen(minimum.jacobian)
-    naive = np.full(x.size, np.inf)  # the diagonal of (J'J)**-1
+    naive = np.full(known.size, np.inf)  # the diagonal of (J'J)**-1
     naive[known] = np.diag(inverse_gram(minimum.jacobian[:, known]))
     first = x, minimum.jacobian.T @ minimum.jacobian
     out: dict[Name, Profiled] = {}
-    for done, j in enumerate(problem.shared.tolist()):
+    for done, j in enumerate(range(problem.shared)):
         name = unknowns.names[j]
         value, reach = solution.values[name], student(solution.freedom) * float(solution.scaled_errors[j])
         if progress:
-            progress(f"profile of {name}", done, problem.shared.size)
+            progress(f"profile of {name}", done, problem.shared)
         if reach**2 == 0:  # data without any noise
             out[name] = Profiled((value, value), np.array([[value], [0.0]]))
         elif not np.isfinite(reach):
@@ -118,7 +118,7 @@ class _Path:
     which: int
     high: float  # d
     stop_at_better: bool
-    points: list[tuple[Array, Array]]  # Scaled unknowns, (p,), and J'J, (p, p)
+    points: list[tuple[Array, Array]]  # Scaled unknowns, (p,), and J'J, (k, k)
     roots: dict[float, float]  # sqrt((J - J_min) / d) at scaled values of the unknown
     spent: int = 0
     better: Array | None = None  # Scaled unknowns at which a lower cost than the fit's was found
@@ -179,13 +179,15 @@ class _Path:
         return self.roots[value]
 
     def _slope(self, x: Array, gram: Array) -> Array:
-        """Derivative of the others' conditional mean by the unknown, (p,): 1 for itself, 0 at a bound."""
+        """Derivative of the others' conditional mean by the unknown, (p,): 1 for itself, 0 at a bound or if private."""
         size, unknowns = np.sqrt(gram.diagonal()), self.problem.unknowns
-        free = (size > 0) & (x > unknowns.lower) & (x < unknowns.upper)
+        free = (size > 0) & ((x > unknowns.lower) & (x < unknowns.upper))[: size.size]
         free[self.which] = False
         inner = gram[np.ix_(free, free)] / np.outer(size[free], size[free])
         out = np.zeros(x.size)
-        out[free] = -np.linalg.lstsq(inner, gram[free, self.which] / size[free], rcond=1e-12)[0] / size[free]
+        out[: size.size][free] = (
+            -np.linalg.lstsq(inner, gram[free, self.which] / size[free], rcond=1e-12)[0] / size[free]
+        )
         out[self.which] = 1.0
         return out
 
@@ -196,7 +198,7 @@ class _Path:
         lower, upper = (np.where(held, value, bound) for bound in box)
         settled = _SETTLED * self.high * self.minimum.residuals.size / cost
         try:
-            minimum = minimise(self._evaluate, start, lower, upper, _TRIES, settled)
+            minimum = minimise(self._evaluate, start, lower, upper, _TRIES, settled, blocks=self.problem.blocks)
         except InputError:
             return None
         excess = (minimum.cost - cost) / self.high

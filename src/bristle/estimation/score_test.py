@@ -36,6 +36,7 @@ class Fitted(NamedTuple):
     friction: float  # Rms friction
     weight: Array = np.ones(1)  # Factor on each equation, (n,) or (1,)
     widened: bool = True  # Whether the stated errors include the effects of `explained`
+    off: Callable[[Array], Array] = np.asarray  # Columns, (n, k), less what private unknowns of blocks explain
 
 
 class Candidate(NamedTuple):
@@ -126,9 +127,9 @@ def explained(fit: Fitted, candidates: Sequence[Candidate]) -> Explained:
         total = total or now
         best: tuple[float, Candidate, int, Score] | None = None
         for candidate in waiting:
-            which = _best(basis, left, fit.weight, candidate.columns)
-            columns = fit.weight[:, None] * candidate.columns[which]
-            found, k = _score(basis, left, columns), columns.shape[1] + 2 * (len(candidate.columns) > 1)
+            asked = [fit.off(fit.weight[:, None] * columns) for columns in candidate.columns]
+            which = _best(basis, left, asked)
+            found, k = _score(basis, left, asked[which]), asked[which].shape[1] + 2 * (len(asked) > 1)
             bic = n * np.log1p(-min(found.share, 1 - 1e-12)) + k * np.log(n)
             if (
                 found.p * tried < SIGNIFICANCE
@@ -142,19 +143,18 @@ def explained(fit: Fitted, candidates: Sequence[Candidate]) -> Explained:
         waiting = [x for x in waiting if x is not candidate]
         finding = candidate.tell(found, which)
         if finding is not None:
-            basis = _basis(np.hstack([basis, fit.weight[:, None] * candidate.columns[which]]))
+            basis = _basis(np.hstack([basis, fit.off(fit.weight[:, None] * candidate.columns[which])]))
             added = fit.weight * (candidate.columns[which] @ found.sizes)
             moved = moved_by(fit.known, added)
             errors = np.hypot(errors, moved)
             findings.append(_with_effect(fit, added, moved, finding, is_friction=candidate.is_friction))
 
 
-def _best(basis: Array, left: Array, weight: Array, columns: Sequence[Array]) -> int:
+def _best(basis: Array, left: Array, columns: Sequence[Array]) -> int:
     """The alternative that explains most beside a basis."""
     found = []
     for c in columns if len(columns) > 1 else ():
-        beside = weight[:, None] * c
-        beside = beside - basis @ (basis.T @ beside)
+        beside = c - basis @ (basis.T @ c)
         moment = beside.T @ left
         found.append(float(moment @ np.linalg.pinv(beside.T @ beside, hermitian=True) @ moment))
     return int(np.argmax(found)) if found else 0

@@ -123,27 +123,26 @@ class _MovingLaw(NamedTuple):
 
     def _blocks_left_out(self) -> LeftOut:
         """Left-out error over blocks of speed, by damped Gauss-Newton steps; each motion's first equation stays in."""
-        x_all, _, residuals, jacobian, *_ = self.minimum
+        x_all, _, residuals, jacobian, *_, private = self.minimum
         problem, unknowns, share, total = self.problem, self.unknowns, self._torque_independence(), 0.0
-        first = [block.rows.start for block in problem.blocks]
-        size = np.sqrt((jacobian**2).sum(axis=0))
-        free, measured = (size > 0) & (x_all > unknowns.lower) & (x_all < unknowns.upper), problem.measured
-        J = jacobian[:, free] / size[free]
-        gram, slope = J.T @ J, J.T @ residuals
+        size, k, measured = np.sqrt((jacobian**2).sum(axis=0)), jacobian.shape[1], problem.measured
+        free = (size > 0) & ((x_all > unknowns.lower) & (x_all < unknowns.upper))[:k]
         for part in blocks_of_speed(problem.velocity):
             out = part.copy()
-            out[first] = False
+            out[[*problem.starts]] = False
             if part.size - out.sum() < free.sum():
                 return None
-            rest, pull = gram - J[out].T @ J[out], slope - J[out].T @ residuals[out]
-            left = residuals
+            kept = private._replace(column=private.column * ~out)
+            J = kept.off(~out[:, None] * jacobian[:, free] / size[free])
+            gram, slope, left = J.T @ J, J.T @ residuals, residuals
             for damping in _DAMPING:
                 x = x_all.copy()
-                x[free] -= np.linalg.solve(rest + damping * np.eye(pull.size), pull) / size[free]
+                x[:k][free] -= np.linalg.solve(gram + damping * np.eye(slope.size), slope) / size[free]
                 x = np.clip(x, unknowns.lower, unknowns.upper)
                 with np.errstate(over="ignore", invalid="ignore"):  # of a step too far
                     model = modelled(problem, {**self.values, **unknowns.values(x)})
                 trial = measured - np.concatenate([m.smoothed(T) for m, T in zip(problem.motions, model, strict=True)])
+                trial -= private.column * private.spread(kept.shares(trial))  # deflections follow
                 if power_of(trial[~out]) <= power_of(residuals[~out]):
                     left = trial
                     break

@@ -13,9 +13,10 @@ from bristle.errors import InputError
 from bristle.estimation.levels import SIGNIFICANCE
 from bristle.estimation.score_test import Score, scores
 from bristle.findings import NOTE, Finding
+from bristle.identification.dynamic.claims import jacobian_and_residuals
 from bristle.identification.dynamic.descent import solve_dynamic
 from bristle.identification.dynamic.priors import posed_and_start
-from bristle.identification.dynamic.residual_analysis import columns_of, jacobian_and_residuals
+from bristle.identification.dynamic.residual_analysis import columns_of
 from bristle.identification.measured import Measured, with_loads, with_options
 from bristle.identification.moving_runs import directions, turn_of, with_orders
 from bristle.identification.static.grid import default_range, solve
@@ -46,9 +47,9 @@ def with_periods(measured: Measured) -> Measured:
         return measured
     if training:
         problem, start = posed_and_start(experiment, directions(experiment, training), training, {}, None)
-        known, rest = jacobian_and_residuals(problem, solve_dynamic(problem, start))
+        known, rest, private = jacobian_and_residuals(problem, solve_dynamic(problem, start))
         tried = _tried(experiment, problem.position, most)
-        columns = {k: columns_of(problem, with_orders(asked, (k,), experiment.joint.kind)) for k in tried}
+        columns = {k: private.off(columns_of(problem, with_orders(asked, (k,), experiment.joint.kind))) for k in tried}
     elif kept := measured.points(hold_out=False):  # orders up to half the number of points
         (sides, points), *_ = groups(experiment, kept)  # one solve of both directions
         posed = points_problem(points, sides, point_regressors(experiment), experiment.fit.friction)

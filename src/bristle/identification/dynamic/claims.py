@@ -12,8 +12,10 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import fdtrc
 
+from bristle.arrays import Array
 from bristle.estimation.levels import NO_SIGN, RARE, RESOLVED, SIGNIFICANCE
 from bristle.estimation.multistart import MultistartSolution
+from bristle.estimation.nonlinear import Private
 from bristle.estimation.score_test import moved_by, scores
 from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.dynamic.problem import DynamicProblem, Unknown, Values, residuals
@@ -159,12 +161,13 @@ def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, 
 
 def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Finding]:
     """The bristle's parameters in which the halves of all runs differ, all else free in each (of whole runs: `repeats`)."""
-    n, seen = problem.size, np.flatnonzero(solution.scaled_errors < np.inf).tolist()
-    J, left = solution.minimum.jacobian[:n, seen], solution.minimum.residuals[:n]
+    seen = np.flatnonzero(solution.scaled_errors < np.inf).tolist()
+    J, left, private = jacobian_and_residuals(problem, solution)
     J = J / np.maximum(np.abs(J).max(axis=0), 1e-300)  # the same in any unit
     looked_at = {name: k for k, at in enumerate(seen) if (name := solution.names[at]).name in BRISTLE}
     sizes = [sum(m.size for m in run) for _, run in groupby(problem.motions, key=lambda m: m.file)]
-    differs = J * np.concatenate([np.sign(size // 2 - np.arange(size) - 0.5) for size in sizes])[:, None]
+    second = np.concatenate([np.sign(size // 2 - np.arange(size) - 0.5) for size in sizes])
+    differs = private.off(J * second[:, None])
     doubts = dict[ParameterName, Finding]()
     for name, k in looked_at.items():
         known = np.hstack([J, np.delete(differs, k, axis=1)])
@@ -177,6 +180,15 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
             )
             doubts[name] = Finding("unseen-halves", NOTE, message, {"apart": apart})
     return doubts
+
+
+def jacobian_and_residuals(
+    problem: DynamicProblem, solution: MultistartSolution[Unknown]
+) -> tuple[Array, Array, Private]:
+    """Derivatives of the equations by the parameters with an influence, (n, p), residuals, (n,), and deflections'."""
+    n, minimum = problem.size, solution.minimum
+    private = minimum.private._replace(column=minimum.private.column[:n])
+    return minimum.jacobian[:n, solution.scaled_errors < np.inf], minimum.residuals[:n], private
 
 
 class AskedPeak(NamedTuple):
@@ -209,6 +221,7 @@ def asked_peak(
     for k, speed in enumerate(speeds.tolist()):
         posed = replace(problem, fixed={**fixed, v_s: speed}, priors=())
         columns[: weight.size, k] = weight * residuals(posed, values)[1][:, posed.names.index(alpha_1)]
+    columns = solution.minimum.private.off(columns)
     found = scores(known, rest, list(-columns.T[:, :, None]))
     best = int(np.argmax([x.sizes[0] / max(x.errors[0], 1e-300) for x in found]))
     size = float(found[best].sizes[0])

@@ -41,7 +41,7 @@ def solved(
     """The least-squares problem about a start, and its minimum; `lowest` and `enough` as in `minimise`."""
     posed = least_squares(problem, start)
     begin, lower, upper = posed.unknowns.scaled(start), posed.unknowns.lower, posed.unknowns.upper
-    return posed, minimise(posed.evaluate, begin, lower, upper, most, lowest=lowest, enough=enough)
+    return posed, minimise(posed.evaluate, begin, lower, upper, most, lowest=lowest, enough=enough, blocks=posed.blocks)
 
 
 def polished(
@@ -86,30 +86,31 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
         names=problem.names, logarithmic=logarithmic, scale=scale, lower=lower, upper=upper, least=least
     )
     return LeastSquares(
-        unknowns=unknowns, evaluate=_evaluation(problem, unknowns), blocks=problem.blocks, starts=problem.starts,
+        unknowns=unknowns, evaluate=_evaluation(problem, unknowns), starts=problem.starts, private=True,
         priors=sum(len(prior.names) for prior in problem.priors), sigma=problem.sigma,
     )  # fmt: skip  # a list of values
 
 
 def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluate:
     """Residuals with priors, and their Jacobian, as functions of the scaled unknowns."""
+    k = len(problem.names) - len(problem.motions)
     weight = problem.weight if any(m.weight != 1 for m in problem.motions) else None
 
     def evaluate(x: Array) -> tuple[Array, Array]:
-        """Residuals, (n,), and Jacobian, (n, p); one infinite residual on overflow."""
+        """Residuals, (n,), and Jacobian, (n, k + 1); one infinite residual on overflow."""
         with np.errstate(over="ignore", invalid="ignore"):
             natural = unknowns.natural(x)
             if not np.isfinite(natural).all() or (natural[unknowns.logarithmic] <= 0).any():
-                return np.full(1, np.inf), np.zeros((1, x.size))
+                return np.full(1, np.inf), np.zeros((1, k + 1))
             chain = unknowns.slopes(x)
             rows, slopes = residuals(problem, unknowns.values(x), chain)
             if not np.isfinite(slopes.sum()):
-                return np.full(1, np.inf), np.zeros((1, x.size))
+                return np.full(1, np.inf), np.zeros((1, k + 1))
         if weight is not None:
             rows, slopes = rows * weight, slopes * weight[:, None]
         for prior in problem.priors:
             columns = [problem.names.index(name) for name in prior.names]
-            slope = np.zeros((len(columns), x.size))
+            slope = np.zeros((len(columns), k + 1))
             slope[:, columns] = problem.sigma * prior.root * chain[columns]
             rows = np.append(rows, problem.sigma * (prior.root @ (natural[columns] - prior.value)))
             slopes = np.vstack([slopes, slope])
@@ -168,7 +169,8 @@ def solve_dynamic(
     best = solve_from_starts(solve, begins, finish, progress)
     while search:
         added = dict[Unknown, float]()  # Stribeck terms asked for by the residuals
-        errors = dict(zip(best.names, (best.scaled_errors * best.posed.unknowns.scale).tolist(), strict=True))
+        scale = best.posed.unknowns.scale
+        errors = dict(zip(best.names, (best.scaled_errors * scale[: len(best.names)]).tolist(), strict=True))
         for direction in problem.directions:
             alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
             none = {alpha_1, v_s} <= best.values.keys() and best.values[alpha_1] <= errors[alpha_1]

@@ -16,7 +16,14 @@ from bristle.estimation.covariance import condition, student
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import moved_by
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
-from bristle.identification.dynamic.claims import asked_peak, bristle_doubts, peak_doubts, warned, without_weak
+from bristle.identification.dynamic.claims import (
+    asked_peak,
+    bristle_doubts,
+    jacobian_and_residuals,
+    peak_doubts,
+    warned,
+    without_weak,
+)
 from bristle.identification.dynamic.descent import (
     LOGARITHMIC,
     equations_left,
@@ -32,7 +39,7 @@ from bristle.identification.dynamic.problem import (
     residuals,
     sets_of,
 )
-from bristle.identification.dynamic.residual_analysis import ResidualAnalysis, analyse_residuals, jacobian_and_residuals
+from bristle.identification.dynamic.residual_analysis import ResidualAnalysis, analyse_residuals
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.identification.shared_findings import (
     AT_BOUND,
@@ -176,7 +183,8 @@ def _not_shown(
         return {}
     unknowns, doubts = solution.posed.unknowns, peak_doubts(problem, solution)
     upper = dict(zip(problem.names, unknowns.upper.tolist(), strict=True))
-    errors = dict(zip(solution.names, (solution.scaled_errors * unknowns.scale).tolist(), strict=True))
+    scale = unknowns.scale[: len(solution.names)]
+    errors = dict(zip(solution.names, (solution.scaled_errors * scale).tolist(), strict=True))
     bend = Finding("unseen-bend", NOTE, _BENDS)
     bends, unsure, none = (dict[ParameterName, tuple[float, Finding]]() for _ in range(3))
     for direction in problem.directions:
@@ -213,7 +221,7 @@ def estimates_of(
     if not solution.minimum.converged or problem.percent(equations_left(problem, solution)) > levels.USELESS:
         message = "Not estimated: the fit did not converge, or leaves more than was measured."
         estimates = warned(estimates, dict.fromkeys(estimates, Finding("unseen-unconverged", NOTE, message)))
-    equations, unknowns = solution.minimum.residuals.size, len(solution.names)
+    equations, unknowns = solution.minimum.residuals.size, solution.minimum.x.size
     if equations < (least := levels.EQUATIONS_EACH * unknowns):
         message = (
             f"Not estimated: the motion leaves {equations} equations for {unknowns} unknowns, and at least {least} are "
@@ -238,10 +246,10 @@ def estimates_of(
     J = estimates.get(INERTIA)
     if J is not None and J.interval is not None and J.interval[1] < 0:
         # rms change of friction without it, to first order
-        (known, _), seen = jacobian_and_residuals(problem, solution), solution.scaled_errors < np.inf
+        (known, _, _), seen = jacobian_and_residuals(problem, solution), solution.scaled_errors < np.inf
         names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
         at, of = names.index(INERTIA), [isinstance(n, ParameterName) and of_friction(n.name) for n in names]
-        made = known[:, at] * solution.minimum.x[seen][at]
+        made = known[:, at] * solution.minimum.x[: seen.size][seen][at]
         known[:, at] = 0.0
         changed = known[:, of] @ moved_by(known, made)[of] / problem.weight
         if (share := float(np.sqrt(np.mean(changed**2))) / left.friction) < levels.MATTERS:
@@ -255,7 +263,8 @@ def estimates_of(
 
 def _estimates(solution: MultistartSolution[Unknown], kind: Kind) -> dict[ParameterName, Estimate]:
     """Each parameter but the deflections at the start, in SI units."""
-    out, columns = {}, np.array([solution.minimum.x, solution.scaled_errors, solution.posed.unknowns.scale])
+    k = len(solution.names)
+    out, columns = {}, np.array([solution.minimum.x[:k], solution.scaled_errors, solution.posed.unknowns.scale[:k]])
     reaches = [student(x) for x in solution.freedoms.tolist()]
     for name, (x, error, size), reach in zip(solution.names, columns.T.tolist(), reaches, strict=True):
         if not isinstance(name, ParameterName):

@@ -15,7 +15,6 @@ from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError
-from bristle.estimation.nonlinear import Block
 from bristle.identification.load_levels import Load, levels_of, load_of
 from bristle.identification.moving_runs import DIRECTIONS, decimator, extra_columns, given_by, known_torque
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -169,12 +168,6 @@ class DynamicProblem:
         return frozenset(name for prior in self.priors for name in prior.names)
 
     @property
-    def blocks(self) -> tuple[Block, ...]:
-        """Equations and initial deflection of each motion."""
-        ends, first = np.cumsum([0, *(m.size for m in self.motions)]).tolist(), len(self.names) - len(self.motions)
-        return tuple(Block(slice(*rows), [first + k]) for k, rows in enumerate(pairwise(ends)))
-
-    @property
     def file(self) -> NDArray[np.str_]:
         """Run of each equation, (n,)."""
         return np.repeat([m.file for m in self.motions], [m.size for m in self.motions])
@@ -182,7 +175,7 @@ class DynamicProblem:
     @property
     def starts(self) -> tuple[int, ...]:
         """First equation of each segment between gaps."""
-        return tuple(block.rows.start for block in self.blocks)
+        return tuple(np.cumsum([0, *(m.size for m in self.motions[:-1])]).tolist())
 
     @property
     def weight(self) -> Array:
@@ -286,21 +279,25 @@ def parameters(problem: DynamicProblem, values: Values) -> Lugre[float] | Pair[f
 
 
 def residuals(problem: DynamicProblem, values: Values, chain: Array | None = None) -> tuple[Array, Array]:
-    """Measured less modelled, (n,), and its exact derivative by `names`, (n, p), times `chain` (p,), without priors."""
+    """Measured less modelled, (n,), and its exact derivative by `names`, times `chain` (p,), without priors.
+
+    Of the k parameters, and in a last column of the initial deflection of each equation's motion, (n, k + 1).
+    """
     known: Values = {**problem.fixed, **values}
-    names = problem.names
-    row_of = {name: j for j, name in enumerate(names)}
-    factor = -np.ones(len(names)) if chain is None else -chain
+    names, k = problem.names, len(problem.names) - len(problem.motions)
+    row_of = {name: min(j, k) for j, name in enumerate(names)}
+    factor = dict(zip(names, (-np.ones(len(names)) if chain is None else -chain).tolist(), strict=True))
     left = np.empty(problem.size)
-    slopes = np.zeros((len(names), left.size))  # a row per parameter: long inner loops
-    for m, (here, _), (rest, slope_of) in zip(problem.motions, problem.blocks, _equations(problem, known), strict=True):
+    slopes = np.zeros((k + 1, left.size))  # a row per parameter: long inner loops
+    rows = pairwise((*problem.starts, left.size))
+    for m, (first, stop), (rest, slope_of) in zip(problem.motions, rows, _equations(problem, known), strict=True):
         seen = [name for name in slope_of if name in row_of]
         columns = [rest, *(slope_of[name] for name in seen)]
         if m.smooth is not None:  # in one product, which is faster
             columns = list(np.asarray(m.smooth @ np.stack(columns, axis=1)).T)
-        left[here] = columns[0]
+        left[first:stop] = columns[0]
         for name, column in zip(seen, columns[1:], strict=True):
-            np.multiply(column, factor[row_of[name]], out=slopes[row_of[name], here])
+            np.multiply(column, factor[name], out=slopes[row_of[name], first:stop])
     return left, slopes.T
 
 

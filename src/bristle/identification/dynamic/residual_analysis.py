@@ -18,7 +18,7 @@ from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.score_test import Candidate, Fitted, Score, explained, scores
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.candidates import candidates
-from bristle.identification.dynamic.claims import BRISTLE
+from bristle.identification.dynamic.claims import BRISTLE, jacobian_and_residuals
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, sets_of
 from bristle.identification.moving_runs import load_columns
 from bristle.model.parameters import INERTIA, Kind, ParameterName, of_friction, unit
@@ -51,9 +51,11 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
     seen = solution.scaled_errors < np.inf
     of = [isinstance(n, ParameterName) and of_friction(n.name) for n in solution.names]
     size = float(np.sqrt(np.mean(_equations(motions, friction) ** 2)))
-    known, rest = jacobian_and_residuals(problem, solution)
+    known, rest, private = jacobian_and_residuals(problem, solution)
     weight = problem.weight
-    fit = Fitted(known, rest, solution.scaled_errors[seen], np.array(of, dtype=bool)[seen], size, weight)
+    fit = Fitted(
+        known, rest, solution.scaled_errors[seen], np.array(of, dtype=bool)[seen], size, weight, off=private.off
+    )
 
     # candidates of any fit, then those of motions
     names = [*(name.name for name in problem.extra_names), *problem.given]
@@ -86,15 +88,8 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
     errors[seen] = lacks.errors
     worse = next((float(f.numbers["ratio"]) for f in patterns if f.code == "reversals-left"), 1.0)
     errors[[isinstance(n, ParameterName) and n.name in BRISTLE for n in solution.names]] *= worse
-    late_by = _without_counts(scores(known, rest, [(weight * late)[:, None]])[0], made)
+    late_by = _without_counts(scores(known, rest, [private.off((weight * late)[:, None])])[0], made)
     return ResidualAnalysis([*lacks.findings, *patterns], errors, size, late_by)
-
-
-def jacobian_and_residuals(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> tuple[Array, Array]:
-    """Derivatives of the equations by the unknowns with an influence, (n, p), and residuals, (n,)."""
-    n = problem.size
-    jacobian, rest = solution.minimum.jacobian[:n], solution.minimum.residuals[:n]
-    return jacobian[:, solution.scaled_errors < np.inf], rest
 
 
 def columns_of(problem: DynamicProblem, regressors: Sequence[str]) -> Array:

@@ -4,17 +4,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.estimation import interval_comparison
 from bristle.estimation.bootstrap import SHOWN, bootstrap_at
 from bristle.estimation.covariance import seen
 from bristle.estimation.levels import ENOUGH, FEW
-from bristle.estimation.nonlinear import projected
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.estimation.score_test import moved_by
 from bristle.findings import CRITICAL, NOTE, Finding
+from bristle.identification.dynamic.claims import jacobian_and_residuals
 from bristle.identification.dynamic.fit import DynamicSolution
 from bristle.identification.dynamic.problem import Unknown, Values
 from bristle.identification.fits import Estimate, TrackingFit, Uncertainty
@@ -95,24 +94,14 @@ def _three(
 
 def parts_of_runs(solved: DynamicSolution) -> tuple[list[Unknown], dict[str, tuple[Array, Array]]]:
     """Unknowns with an influence, and each run's model Jacobian (logarithms as such), (n, p), and residuals, (n,)."""
-    minimum, unknowns = solved.solution.minimum, solved.solution.posed.unknowns
-    free = np.flatnonzero(np.isfinite(solved.solution.scaled_errors))
-    slope = np.where(unknowns.logarithmic, 1.0, unknowns.scale)[free]
-    n, file = solved.problem.size, solved.problem.file
-    J, left = -minimum.jacobian[:n, free] / slope, minimum.residuals[:n]
-    names = [solved.solution.names[k] for k in free]
-    shared = np.array([isinstance(name, ParameterName) for name in names])
-
-    def part(rows: NDArray[np.intp]) -> tuple[Array, Array]:
-        """Without what its initial states explain."""
-        own, other = J[rows][:, ~shared], J[rows][:, shared]
-        own = own[:, np.abs(own).max(axis=0, initial=0.0) > 0]
-        made = np.linalg.lstsq(own, np.column_stack([other, left[rows]]), rcond=None)[0]
-        beside = np.column_stack([other, left[rows]]) - own @ made
-        return beside[:, :-1], beside[:, -1]
-
-    parts = {name: part(np.flatnonzero(file == name)) for name in dict.fromkeys(file.tolist())}
-    return [name for name, each in zip(names, shared, strict=True) if each], parts
+    J, left, private = jacobian_and_residuals(solved.problem, solved.solution)
+    free, unknowns = np.flatnonzero(np.isfinite(solved.solution.scaled_errors)), solved.solution.posed.unknowns
+    J, left = -J / np.where(unknowns.logarithmic, 1.0, unknowns.scale)[free], private.off(left)
+    name, first = np.unique(solved.problem.file, return_index=True)  # motions of a run follow one another
+    order = np.argsort(first)
+    edges = first[order][1:]
+    parts = dict(zip(name[order].tolist(), zip(np.split(J, edges), np.split(left, edges), strict=True), strict=True))
+    return [solved.solution.names[k] for k in free], parts
 
 
 def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float]]:
@@ -120,12 +109,12 @@ def shifts_of(solved: DynamicSolution) -> dict[str, Mapping[ParameterName, float
     problem, posed, minimum = solved.problem, solved.solution.posed, solved.solution.minimum
     held = [*(m.shifts for m in problem.motions), *(prior.shifts for prior in problem.priors)]
     constants = dict.fromkeys(constant for by in held for constant in by)
-    x, unknowns, shared = minimum.x, posed.unknowns, posed.shared
-    if not constants or not shared.size:  # nothing is uncertain, or every parameter is given
+    x, unknowns = minimum.x, posed.unknowns
+    if not constants or not posed.shared:  # nothing is uncertain, or every parameter is given
         return {constant: {} for constant in constants}
     inside = (x > unknowns.lower) & (x < unknowns.upper)
-    chosen = shared[seen(minimum.jacobian[:, shared]) & inside[shared]]
-    J, slopes = projected(minimum.jacobian, chosen, posed.blocks), unknowns.slopes(x)[chosen]
+    chosen = np.flatnonzero(seen(minimum.jacobian) & inside[: posed.shared])
+    J, slopes = minimum.jacobian[:, chosen], unknowns.slopes(x)[chosen]
     shifts = dict[str, Mapping[ParameterName, float]]()
     for constant in constants:
         change = np.concatenate([m.weighted(m.shifts.get(constant, np.zeros(m.time.size))) for m in problem.motions])
