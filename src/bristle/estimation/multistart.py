@@ -40,12 +40,13 @@ def solve_from_starts(
     finish: Callable[[LeastSquares[Name], Minimum], tuple[LeastSquares[Name], Minimum]],
     progress: Progress | None = None,
     known: tuple[LeastSquares[Name], Minimum] | None = None,
+    cost: Callable[[LeastSquares[Name], Minimum], float] = lambda _, end: end.cost,
 ) -> MultistartSolution[Name]:
     """The lowest minimum from several starts, and its covariance.
 
     `solve` descends from a start in at most so many steps, and may give up above the lowest cost known; a start without
     influence is passed over once an end is `known`. `finish` completes the lowest end. Raises InputError as `solve`
-    does.
+    does. Ends are ranked by a `cost`.
     """
     ends, count = [known] if known else [], len(starts) + (known is not None)
     tell = teller(progress, len(starts))
@@ -53,7 +54,7 @@ def solve_from_starts(
         tell("fitting the moving runs")
         with suppress(*[InputError] * bool(ends)):
             ends.append(solve(start, _STEPS, min([end.cost for _, end in ends], default=np.inf)))
-    lowest = min(ends, key=lambda end: end[1].cost)
+    lowest = min(ends, key=lambda end: cost(*end))
     posed, minimum = lowest if lowest is known else finish(*lowest)
     same = minimum.cost * (1 + max(SAME, _OF_VARIANCE / minimum.residuals.size)) + _NOTHING
     reached = max(sum(end.cost <= same for _, end in ends), 1)

@@ -22,6 +22,7 @@ Private unknowns share one column, its last: of each equation the derivative by 
 """
 _DAMPING = 1e-4
 _MOST_DAMPING = 1e8
+_EASED, _CAREFUL, _BOLDER = 0.1, 0.5, 0.85  # factors on the damping after a good step, on it after a bad one, and back
 _HARDLY_SEEN = 1e-8  # of the longest column: damping treats shorter ones as so long
 _SETTLED = 1e-6  # of the residuals' variance: smaller gains end the steps, at 1e-3 standard errors
 _FLAT = 1e-6  # of the variance: a smaller last gain counts as converged when steps run out
@@ -146,7 +147,7 @@ def minimise(
         raise InputError(
             f"at the start of the fit {what}; the motion shows none of the parameters, or the start is wrong"
         )
-    damping, taken, scale, converged, hopeless, slow = _DAMPING, 0, np.zeros(k), False, 0, 0
+    damping, eased, taken, scale, converged, hopeless, slow = _DAMPING, _EASED, 0, np.zeros(k), False, 0, 0
     private, seen, left = _projected(x, residuals, jacobian, lower, upper, blocks)
     gram, slope = seen.T @ seen, seen.T @ left
     for _ in range(most):
@@ -181,7 +182,8 @@ def minimise(
             if hopeless >= _HOPELESS or slow >= _CREEPS:
                 converged = slow >= _CREEPS
                 break
-        damping = damping * (0.1 if gained > 0.75 else 1.0 if gained > 0.25 else 10.0)
+        damping = damping * (eased if gained > 0.75 else 1.0 if gained > 0.25 else 10.0)
+        eased = max(_BOLDER * eased, _EASED) if gained > 0.25 else _CAREFUL
         if damping > _MOST_DAMPING:
             converged = abs(cost - new_cost) <= 1e-9 * cost
             break

@@ -9,11 +9,19 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation.levels import EQUATIONS_EACH, START_WORTH
+from bristle.estimation.levels import BENT, EQUATIONS_EACH, SLID, START_WORTH
 from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_starts
 from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknowns, minimise
 from bristle.identification.dynamic.claims import asked_peak
-from bristle.identification.dynamic.problem import DynamicProblem, InitialState, Unknown, Values, parameters, residuals
+from bristle.identification.dynamic.problem import (
+    DynamicProblem,
+    InitialState,
+    Unknown,
+    Values,
+    parameters,
+    residuals,
+    sets_of,
+)
 from bristle.identification.moving_runs import DIRECTIONS
 from bristle.model.parameters import INERTIA, SIGNED, Direction, Lugre, ParameterName, in_direction, least_of, of_load
 from bristle.progress import Progress
@@ -155,7 +163,8 @@ def solve_dynamic(
     search: bool = True,
 ) -> MultistartSolution[Unknown]:
     """The lowest minimum from `others`, a start, unless it is empty, and those of a `search`."""
-    begins = [*others, *(with_deflections(problem, x) for x in [start] if x)]
+    first = with_deflections(problem, start) if start else None
+    begins = [*others, *([] if first is None or first in others else [first])]
     if search and len(problem.directions) == len(SIGNED):
         one = _with_one_friction(problem)
         found = solve_dynamic(one, carried(one, {**problem.fixed, **start}), progress=progress)
@@ -165,8 +174,14 @@ def solve_dynamic(
         begins = [*others, *(with_deflections(problem, x) for x in (stiff, both))]
     elif search:
         begins += _by_softness(problem, start)
-    solve, finish = partial(solved, problem), partial(polished, problem)
-    best = solve_from_starts(solve, begins, finish, progress)
+    solve, finish, stroke = partial(solved, problem), partial(polished, problem), problem.stroke
+
+    def cost(posed: LeastSquares[Unknown], end: Minimum) -> float:
+        """Of an end; a bristle that most motions never pass is a spring, and must explain most of the cost to be friction."""
+        sets = sets_of(problem, posed.unknowns.values(end.x)).values()
+        return end.cost * (BENT if any(SLID * p.alpha_0 > stroke * p.sigma_0 for p in sets) else 1.0)
+
+    best = solve_from_starts(solve, begins, finish, progress, cost=cost)
     while search:
         added = dict[Unknown, float]()  # Stribeck terms asked for by the residuals
         scale = best.posed.unknowns.scale

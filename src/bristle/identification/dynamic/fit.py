@@ -68,6 +68,7 @@ class DynamicSolution(NamedTuple):
     problem: DynamicProblem
     values: Values
     solution: MultistartSolution[Unknown]
+    dropped: Mapping[ParameterName, Finding]  # Reasons of dropped Stribeck terms
 
 
 def fit_tracking(
@@ -79,9 +80,14 @@ def fit_tracking(
     progress: Progress | None = None,
     *,
     search: bool = True,
+    dropped: Mapping[ParameterName, Finding] | None = None,
 ) -> DynamicSolution:
-    """All parameters of moving runs from starts, more with `search`. Raises InputError where a start shows nothing."""
-    problem, solution, dropped, shown = _settled(problem, start, others, progress, search=search)
+    """All parameters of moving runs from starts, more with `search`. Raises InputError where a start shows nothing.
+
+    Stribeck terms that another fit has `dropped` are fixed in the problem.
+    """
+    problem, solution, more, shown = _settled(problem, start, others, progress, search=search)
+    dropped = {**(dropped or {}), **more}
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
     left = analyse_residuals(problem, solution, kind)
     estimates = estimates_of(problem, solution, kind, dropped, shown, left)
@@ -116,7 +122,7 @@ def fit_tracking(
         time=problem.time, velocity=problem.velocity, measured=problem.measured, residuals=rows,
         friction=friction + rows, load=load, starts_of_runs=problem.starts, late=left.late,
     )  # fmt: skip  # a list of values
-    return DynamicSolution(result, problem, solution.values, solution)
+    return DynamicSolution(result, problem, solution.values, solution, dropped)
 
 
 def _settled(

@@ -74,10 +74,13 @@ def fit_with_priors(
     kind, count, pose = experiment.joint.kind, _count(experiment, records), partial(_problem, experiment, moving)
 
     def fitted(
-        posed: DynamicProblem, *others: Values, search: bool = False
+        posed: DynamicProblem,
+        *others: Values,
+        search: bool = False,
+        dropped: Mapping[ParameterName, Finding] | None = None,
     ) -> tuple[DynamicSolution, Mapping[Unknown, Profiled]]:
         """The fit of a problem from some starts, and its profiles if asked for."""
-        refit = partial(fit_tracking, posed, start, kind, tests, progress=progress)
+        refit = partial(fit_tracking, posed, start, kind, tests, progress=progress, dropped=dropped)
         solved = refit(others=others, search=search)
         if not uncertainty:
             return solved, {}
@@ -107,7 +110,12 @@ def fit_with_priors(
         return DynamicStages(alone, presliding=slow)
     ended = {**solved.problem.fixed, **solved.values}
     start = start if static_is_apart else {}  # points may lead to another minimum
-    solved, profiles = fitted(replace(problem, priors=tuple(priors), sigma=alone.rms), ended)
+    posed = replace(problem, priors=tuple(priors), sigma=alone.rms)
+    # what the moving runs do not show stays left out, unless another stage shows it
+    peaked = {name.direction for name in posed.with_prior if name.name in ("alpha_1", "v_s")}
+    out = {name: why for name, why in solved.dropped.items() if name.direction not in peaked}
+    posed = replace(posed, fixed={**posed.fixed, **{name: ended[name] for name in out}})
+    solved, profiles = fitted(posed, ended, dropped=out)
     joint = finished(solved, profiles)
     joint = widened(joint, with_priors_beside(scatter, by_runs, joint), LOGARITHMIC)
     joint = with_systematic(joint, shifts_of(solved))

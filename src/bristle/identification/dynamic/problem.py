@@ -163,6 +163,18 @@ class DynamicProblem:
         return max(float(np.ptp(np.cumsum(m.velocity[1:] * m.step))) for m in self.motions)
 
     @property
+    def stroke(self) -> float:
+        """Longest way in one direction, rad, median of the motions."""
+        strokes = []
+        for m in self.motions:
+            way, turns = (
+                np.append(0.0, np.cumsum(m.velocity[1:] * m.step)),
+                np.flatnonzero(np.diff(np.sign(m.velocity))),
+            )
+            strokes.append(float(np.abs(np.diff(way[[0, *turns.tolist(), -1]])).max()))
+        return float(np.median(strokes))
+
+    @property
     def with_prior(self) -> frozenset[ParameterName]:
         """Parameters with a prior."""
         return frozenset(name for prior in self.priors for name in prior.names)
