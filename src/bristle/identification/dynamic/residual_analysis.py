@@ -120,6 +120,9 @@ def _delay(
         return None  # sliding excludes a delay
     step = float(np.median(np.concatenate([m.step for m in problem.motions])))
     delay = beyond if alike else whole
+    strokes = (np.ptp(m.time) / (1 + np.count_nonzero(np.diff(np.sign(m.velocity)))) for m in problem.motions)
+    if abs(delay) > max(strokes):
+        return None  # no delay is longer than a stroke
     when, samples = "earlier" if delay > 0 else "later", abs(delay) / step
     numbers = {"seconds": abs(delay), "samples": samples, "when": when, "delay": delay}
     if not alike:
