@@ -176,8 +176,8 @@ def _header(rows: Rows, width: int) -> tuple[int | None, int | None]:
     places = set(fitting)
     for k in reversed(fitting):
         filled = [cell for cell in rows[k] if cell and cell not in {"1", "-"}]
-        units = filled and all(_stated(cell) or re.fullmatch(r"[\s_]*[\[(<].*[\])>]\s*", cell) for cell in filled)
-        if k - 1 in places and any(rows[k - 1]) and units:
+        below = k - 1 in places and any(rows[k - 1]) and filled  # of what may be names
+        if below and all(_stated(cell) or re.fullmatch(r"[\s_]*[\[(<].*[\])>]\s*", cell) for cell in filled):
             return k - 1, k
         if _is_names(rows[k], width):
             return k, None

@@ -3,7 +3,7 @@
 import re
 from contextlib import suppress
 from functools import cache
-from math import inf
+from math import inf, pi
 from typing import TYPE_CHECKING, Any
 
 from bristle.errors import InputError, short
@@ -26,6 +26,11 @@ _OF_BRACKET = re.compile(r"\)\s*(?:\*\*|\^)")  # a power of a bracket, in which 
 _GERMAN = {"Grad": "deg", "U/min": "rpm"}  # what pint takes for a gigaradian, and for none
 # revolutions, in the speed of a shaft
 _PER_MINUTE = ("1/min", "/min", "min^-1", "min-1", "min⁻¹", "1/minute")
+EXACT = {  # what pint says of the most common units, known without the half second that it takes to load
+    ("deg", "rad"): pi / 180, ("rev", "rad"): 2 * pi, ("mrad", "rad"): 1e-3, ("mm", "m"): 1e-3, ("cm", "m"): 1e-2,
+    ("deg/s", "rad/s"): pi / 180, ("rpm", "rad/s"): pi / 30, ("rev/s", "rad/s"): 2 * pi, ("mrad/s", "rad/s"): 1e-3,
+    ("mm/s", "m/s"): 1e-3, ("cm/s", "m/s"): 1e-2, ("ms", "s"): 1e-3, ("mA", "A"): 1e-3, ("Nm", "N*m"): 1.0,
+}  # fmt: skip  # a table of numbers
 _COUNTS = re.compile(r"counts?\b")
 _PER_TURN = re.compile(rf"({_NUMBER}) ?counts? ?/ ?(.+)")
 
@@ -130,8 +135,9 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
         number *= resolution
         unit = target.split("/", maxsplit=1)[0] + unit.strip()[counts.end() :]
     by_scale = "" if scale == 1 else f" times scale {short(scale)}"
-    times_si = number
-    if (unit, times) != (target, "1"):  # pint takes half a second to load
+    known = 1.0 if unit == target else EXACT.get((unit, target))
+    times_si = number * (known or 1.0)
+    if known is None or times != "1":
         measured, wanted = _parse(unit) * _parse(times), _parse(target)
         size, root = _root(measured)
         target_size, target_root = _root(wanted)

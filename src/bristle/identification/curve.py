@@ -221,9 +221,13 @@ def slowest_shown(fits: Sequence[StaticFit | TrackingFit], top: float) -> float:
     """
     seen = np.zeros(0)
     for fit in fits:
-        if isinstance(fit, TrackingFit) and fit.velocity.size > 1:
-            peak, v = in_direction(fit.parameters, "alpha_1", SIGNED[int(top < 0)]), fit.velocity
-            seen = v[np.abs(np.gradient(v)) < np.abs(v)] / top if peak is None or peak.value is None else seen
+        side = SIGNED[int(top < 0)]
+        if isinstance(fit, StaticFit):
+            peak = fit.parameters.get("alpha_1")
+        else:
+            peak = in_direction(fit.parameters, "alpha_1", side)
+        if (v := fit.velocity).size > 1 and (peak is None or peak.value is None):
+            seen = v[np.abs(np.gradient(v)) < np.abs(v)] / top
     return top * float(np.sort(seen[seen > LEAST])[:SLOWEST_SHOWN].max(initial=LEAST))
 
 
