@@ -11,15 +11,13 @@ from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import DEPENDENT, NEAREST, RARE, SOFTER, VAGUE
+from bristle.estimation.levels import DEPENDENT, KNOTS, NEAREST, PER_KNOT, RARE, SOFTER, VAGUE
 from bristle.estimation.profile_likelihood import interval_on_grid
 from bristle.findings import CAUTION, Finding, in_direction
 from bristle.identification.presliding.stiffness import KnownValue, of_loading, unbent
 from bristle.model.parameters import Kind, unit
 
 _BLOCKS = 32  # means per loading without counts
-_KNOTS = (3, 6)  # least (two do not tell a curve from its chords) and most
-_PER_KNOT = 6  # least points per knot, beyond one per loading
 _GRID = 64  # values of 1 / g0 between which ends are sought
 _STRAIGHT = 1e-6  # smallest 1 / g0 over the bound's, which bends nothing
 
@@ -62,9 +60,9 @@ def softening(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> Fin
     points, line = _points(loadings, level.value), None
     # even knots, as many as the points determine, with some points before each
     most = float(points.T.max(initial=0.0))
-    for count in range(min(_KNOTS[1], points.T.size // _PER_KNOT), _KNOTS[0] - 1, -1):
+    for count in range(min(KNOTS[1], points.T.size // PER_KNOT), KNOTS[0] - 1, -1):
         knots = most * np.arange(1, count + 1) / count
-        if most > 0 and (np.histogram(points.T, [0.0, *knots])[0] >= _PER_KNOT // 2).all():
+        if most > 0 and (np.histogram(points.T, [0.0, *knots])[0] >= PER_KNOT // 2).all():
             line = _line(points, knots, level.value)
         if line is not None and (np.sqrt(np.diag(line.covariance)) < VAGUE * line.y).all():
             break
