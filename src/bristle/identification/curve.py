@@ -221,13 +221,10 @@ def slowest_shown(fits: Sequence[StaticFit | TrackingFit], top: float) -> float:
     """
     seen = np.zeros(0)
     for fit in fits:
-        side = SIGNED[int(top < 0)]
-        if isinstance(fit, StaticFit):
-            peak = fit.parameters.get("alpha_1")
-        else:
-            peak = in_direction(fit.parameters, "alpha_1", side)
+        named = ("alpha_1", f"alpha_1{SIGNED[int(top < 0)]}")
+        peak = next((e for name, e in fit.parameters.items() if str(name) in named), None)
         if (v := fit.velocity).size > 1 and (peak is None or peak.value is None):
-            seen = v[np.abs(np.gradient(v)) < np.abs(v)] / top
+            seen = np.append(seen, v[np.abs(np.gradient(v)) < np.abs(v)] / top)
     return top * float(np.sort(seen[seen > LEAST])[:SLOWEST_SHOWN].max(initial=LEAST))
 
 

@@ -4,7 +4,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from bristle.estimation.levels import FINE_ENOUGH, POLISHED
+from bristle.estimation.levels import FINE_ENOUGH, POLISH_MOVES
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.questions.method_validation.results import FREE, SAME_COST, CaseResult, Validation
@@ -85,7 +85,7 @@ def _against_solvers(result: CaseResult) -> list[Finding]:
     else:
         message = f"IPOPT finds a cost below the refined grid's, by {deficit:.2g} relative; do not use the grid before the cause is known."
         found.append(Finding("ipopt-undercuts", CRITICAL, message, {"deficit": deficit}))
-    if known and shift > POLISHED:
+    if known and shift > POLISH_MOVES:
         message = f"IPOPT initialised at the grid's estimate moves by up to {shift:.2g} standard errors, at nearly the same cost."
         found.append(Finding("polishing-moves", CAUTION, message, {"shift": shift}))
     elif known:
