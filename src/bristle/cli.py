@@ -16,7 +16,7 @@ from bristle.estimation.levels import BASELINE, FALSE_DISCOVERIES
 from bristle.page import output_folder as files
 from bristle.progress import shown
 from bristle.terminal import complain, print_lines
-from bristle.workers import cores
+from bristle.workers import ahead, cores
 
 if TYPE_CHECKING:
     from bristle.api import Results
@@ -166,13 +166,14 @@ def report(
     Example: bristle report log.csv --unit position=deg
     """
     folder = output_folder(output, sources[0] if sources else None, "", "results.json")
+    ahead(workers := workers or cores())
     told = _told(of_logs)
     with shown() as progress:
         inputs, _, guessed = _drafted(sources or [], told, None, progress)
         for sentence in guessed:
             complain(f"guessed: {sentence}")
         results = bristle.report(
-            *inputs, folder=folder, uncertainty=uncertainty, need=need, workers=workers or cores(), mailed=mailed,
+            *inputs, folder=folder, uncertainty=uncertainty, need=need, workers=workers, mailed=mailed,
             found=lambda results: _tell(results.outcomes()), progress=progress,
         )  # fmt: skip  # a list of values
     print_lines([f"Report: {folder / 'index.html'}"], done=True)

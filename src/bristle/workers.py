@@ -91,6 +91,13 @@ def prepared(*modules: str) -> Any:
     return context
 
 
+def ahead(workers: int) -> None:
+    """Load what makes a report for the processes of a `sharing` to come, while the caller loads it for itself."""
+    if workers > 1:
+        with pinned():
+            prepared(*REPORT)
+
+
 @contextmanager
 def pinned() -> Iterator[None]:
     """`pin` for the processes that begin meanwhile; the caller's environment is restored."""
