@@ -14,6 +14,7 @@ from bristle.data.experiment.schema import AS_WRITTEN, GONE
 from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
 from bristle.estimation.levels import BIC_GAIN, EARLY, LATEST_DELAY, LOWER, NO_COULOMB, SURE
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
@@ -250,15 +251,16 @@ class _Decisions:
             self.measured, self.joint = sided, each
 
     def _low_pass(self) -> None:
-        """Take a wider low pass if residuals fall by a tenth: the narrower one then filtered out part of the motion."""
-        found, most = None, LOWER
-        if self.measured.experiment.fit.position_cutoff is not None or self.joint.tracking is None:
+        """Take a wider low pass where it leaves clearly less of the torque: the narrower one filtered out part of the motion."""
+        if self.measured.experiment.fit.position_cutoff is not None or (alone := self.joint.tracking) is None:
             return
+        independent = alone.residuals.size / inflation(alone.residuals)
+        found, most = None, max(LOWER, float(np.exp(-BIC_GAIN / (2 * independent))))
         for factor in _WIDER:
             wide = with_wider_low_pass(self.measured, factor)
-            if not self._left_on(wide) <= most:
+            if not (left := self._left_on(wide)) <= most:
                 break
-            found, most = wide, 1.0
+            found, most = wide, left
         if found is not None:
             self._take(found)
 

@@ -41,14 +41,19 @@ def curve_held(fastest: float) -> Finding:
     return Finding("curve-held", CAUTION, message, {"fastest": fastest})
 
 
-def not_passive(p: Lugre[float], direction: str) -> Finding:
-    """A caution on parameters of one direction that are not passive (`law.is_passive`)."""
+def not_passive(p: Lugre[float], direction: str, *, surely: bool = True) -> Finding:
+    """A caution on parameters of one direction that are not passive (`law.is_passive`); a note if their errors allow it."""
     least, of = p.sigma_1 * p.alpha_1 / p.alpha_0, unit_of("alpha_2")
     message = (
         f"The model can feed energy back{in_direction(direction)}: alpha_2 = {p.alpha_2:.3g}{of} is below sigma_1 alpha_1 / alpha_0 = "
         f"{least:.3g}{of}. The fit stands; test a compensator that uses it with care."
     )
-    return Finding("not-passive", CAUTION, message, {"direction": direction, "alpha_2": p.alpha_2, "least": least})
+    return Finding(
+        "not-passive",
+        CAUTION if surely else NOTE,
+        message,
+        {"direction": direction, "alpha_2": p.alpha_2, "least": least},
+    )
 
 
 def not_shown(names: Iterable[object]) -> tuple[Finding, ...]:

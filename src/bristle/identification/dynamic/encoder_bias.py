@@ -76,9 +76,10 @@ def without_count_bias(
     by_name = {name: both for name, *both in zip(known, bias.tolist(), np.std(ends, axis=0).tolist(), strict=True)}
     judged = _doubted(solved, *_corrected(solved.fit, by_name))
     # verdicts that need no data are about the values without the bias
-    lost = {name: e for name, e in judged.parameters.items() if e.value is None}
     rest = (w for w in judged.warnings if w.code not in OF_PHYSICS)
-    return replace(judged, warnings=(*rest, *physics(solved.problem, {**solved.values, **judged.known}, lost)))
+    return replace(
+        judged, warnings=(*rest, *physics(solved.problem, {**solved.values, **judged.known}, judged.parameters))
+    )
 
 
 def between_counts(record: Record, resolution: float) -> Record:

@@ -108,7 +108,7 @@ def fit_tracking(
         *left.findings,
         *offset_or_friction(solution.names, solution.values, solution.covariance, solution.freedom),
         *hardly_seen_findings(solution, unseen),
-        *physics(problem, solution.values, unseen),
+        *physics(problem, solution.values, estimates),
         *not_shown(unseen),
     )
     result = TrackingFit(
@@ -371,12 +371,14 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
 OF_PHYSICS = frozenset({"not-passive", "curve-held"})  # verdicts of `physics`
 
 
-def physics(problem: DynamicProblem, values: Values, unseen: Mapping[ParameterName, Estimate]) -> list[Finding]:
+def physics(problem: DynamicProblem, values: Values, estimates: Mapping[ParameterName, Estimate]) -> list[Finding]:
     """Findings on passivity and on a curve that bends down."""
     warnings = []
     for d, lugre in sets_of(problem, values).items():
-        if not is_passive(lugre) and not {ParameterName(n, d) for n in ("alpha_1", "sigma_1")} & unseen.keys():
-            warnings.append(not_passive(lugre, d))
+        known = {n: e for n in ("alpha_1", "sigma_1") if (e := estimates.get(ParameterName(n, d))) is not None}
+        if not is_passive(lugre) and all(e.value is not None for e in known.values()):
+            least = {n: e.interval[0] for n, e in known.items() if e.interval is not None}
+            warnings.append(not_passive(lugre, d, surely=not is_passive(lugre._replace(**least))))
         if bends_down(lugre):
             warnings.append(curve_held(getattr(lugre, FASTEST)))
     return warnings

@@ -84,7 +84,9 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
         above = ([T - np.clip(T, -x * largest, x * largest) for T in torque] for x in _TOPS)
         ask(partial(_saturates, read, largest), *above)
     lacks = explained(fit, every)
-    patterns = pattern_left(problem, lacks.left / weight)
+    # a bristle that is bent by a count more or less, as at a reversal
+    counted = max((p.sigma_0 for p in sets_of(problem, values).values()), default=0.0) * problem.count / np.sqrt(12)
+    patterns = pattern_left(problem, lacks.left / weight, counted)
     errors[seen] = lacks.errors
     worse = next((float(f.numbers["ratio"]) for f in patterns if f.code == "reversals-left"), 1.0)
     errors[[isinstance(n, ParameterName) and n.name in BRISTLE for n in solution.names]] *= worse
@@ -230,8 +232,11 @@ def _inertia(kind: Kind, found: Score, _: int) -> Finding:
     return Finding("inertia-doubted", CAUTION, message, {"more": more, "error": error, "unit": of})
 
 
-def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
-    """A finding on residuals, (n,), that are a pattern, large at reversals, or concentrated in few equations."""
+def pattern_left(problem: DynamicProblem, rows: Array, counted: float = 0.0) -> list[Finding]:
+    """A finding on residuals, (n,), that are a pattern, large at reversals, or concentrated in few equations.
+
+    At reversals encoder counts make residuals of `counted`, N*m, rms, which are no pattern.
+    """
     from scipy.ndimage import minimum_filter1d
 
     correlation = lag_one(rows)
@@ -244,6 +249,7 @@ def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
         return [Finding("lacks-unknown-term", CAUTION, message, {"lag_one": correlation})]
     squares, speed = rows**2, np.abs(problem.velocity)
     turns = minimum_filter1d(speed, 2 * levels.TURNING_BESIDE + 1) < levels.TURNING * np.sqrt(np.mean(speed**2))
+    squares[turns] /= 1 + counted**2 / max(float(np.mean(squares, where=~turns)) if not turns.all() else 0.0, 1e-300)
     total, few = float(squares.sum()), round(levels.BURST_IN * rows.size)
     if rows.size < levels.PATTERN_EQUATIONS or not total > 0 or rows.size < levels.INDEPENDENT * inflation(rows):
         return []
