@@ -16,9 +16,9 @@ _PARTS = 100  # parts of slow loading, of which the first tells with what it beg
 
 
 def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
-    """Findings on the torque of a run; holds at constant velocity are judged as segments, but for rounding."""
+    """Findings on the torque of a run; holds at constant velocity are judged as segments, but for what is about zero."""
     checks = {
-        "ramp": (_coarse,),
+        "ramp": (_dead_zone, _coarse),
         "points": (_clipped,),
         "presliding": (_clipped, _loaded_at_start, _coarse),
         "tracking": (_clipped, _unsigned, _dead_zone, _coarse),
@@ -141,14 +141,15 @@ def _loaded_at_start(record: Record, _: RunKind, deviations: float = levels.DEVI
 
 
 def _dead_zone(record: Record, _: RunKind, piled: float = levels.PILED) -> Finding | None:
-    """A torque of a moving joint that is exactly zero far too often where its sign changes."""
+    """A torque of a moving joint that is exactly zero far too often where its sign changes, beside the next values."""
     torque, position = record.torque, record.position
     if torque is None or position is None or record.voltage is not None:
         return None
     zero = torque == 0
     if zero.sum() < max(levels.DEAD_ZONE * torque.size, levels.DEAD_SAMPLES):
         return None
-    if zero.sum() < piled * np.unique(np.abs(torque[~zero]), return_counts=True)[1].max(initial=0):
+    beside = np.unique(np.abs(torque[~zero]), return_counts=True)[1][: levels.PILED_BESIDE]
+    if zero.sum() < piled * beside.max(initial=0):
         return None
     starts, stops = (np.flatnonzero(np.diff(np.pad(zero.astype(int), 1)) == sign) for sign in (1, -1))
     whole = (starts > 0) & (stops < torque.size)
@@ -157,7 +158,7 @@ def _dead_zone(record: Record, _: RunKind, piled: float = levels.PILED) -> Findi
     steps = np.abs(np.diff(position))
     inside = steps[zero[1:] & zero[:-1]]
     rests = inside.size > 0 and inside.mean() < levels.DEAD_REST * steps.mean()
-    if rests or samples[crosses].sum() < 0.5 * samples.sum():
+    if rests or crosses.sum() < levels.DEAD_SAMPLES or samples[crosses].sum() < 0.5 * samples.sum():
         return None
     share = float(zero.mean())
     message = (
