@@ -13,7 +13,7 @@ from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.levels import EXPLAINS, MATTERS, NAMED_ERRORS, SIGNIFICANCE, UNEVEN_EQUATIONS
 from bristle.findings import NOTE, Finding
 
-_BESIDE, _RANK = 1e-6, 1e-10  # relative length of a column beside known ones, and relative rank of these
+_BESIDE, _RANK = 1e-3, 1e-10  # relative length of a column beside known ones, and relative rank of these
 
 
 class Score(NamedTuple):

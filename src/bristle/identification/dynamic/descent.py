@@ -70,13 +70,15 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
     travel = problem.travel or speed
     known: Values = {**problem.fixed, **at}
     alpha_0, sigma_0 = ([x for n, x in known.items() if n.name == name] for name in ("alpha_0", "sigma_0"))
-    damping = torque / speed
+    damping, reach = torque / speed, problem.law.peak.reach
+    # a peak needs a speed below v_s, as on points
+    slowest = max(1e-4 * speed, min(float(np.abs(m.velocity).min()) for m in problem.motions))
     columns = np.array([np.abs(m.extra).max(axis=0) for m in problem.motions]).max(axis=0)
     table = {  # typical size, and bounds of the scaled unknown
         "alpha_0": (1.0, *np.log([1e-6 * torque, 1e3 * torque])),
         "alpha_1": (torque, 0.0, _MOST),
         "alpha_2": (damping, 0.0, np.inf),
-        "v_s": (1.0, *np.log([1e-4 * speed, speed / problem.law.peak.reach])),
+        "v_s": (1.0, *np.log([min(slowest, speed / reach), speed / reach])),
         "sigma_0": (1.0, *np.log([1e-1 * torque / travel, 1e9 * torque / travel])),
         "sigma_1": (damping, 0.0, np.inf),
         **dict.fromkeys(problem.law.coefficients, (torque / speed**2, -np.inf, np.inf)),

@@ -165,9 +165,9 @@ def _settled(
             found = solve_dynamic(
                 without, near, [with_deflections(without, near)] * again, progress, search=search and again
             )
+            if not found.minimum.converged and not again:  # from other bristles
+                found = solve_dynamic(without, near, [found.values], progress, search=search)
         except InputError:  # no start without it
-            break
-        if not found.minimum.converged:
             break
         # an F test of the costs, since the law bends within the errors; a bend must explain most of the cost
         ratio = found.minimum.cost / max(solution.minimum.cost, 1e-300)
