@@ -206,6 +206,24 @@ def test_a_time_without_a_unit_has_many_samples_a_second(tmp_path: Path) -> None
     ] == []
 
 
+def test_points_of_a_current_or_a_voltage(tmp_path: Path) -> None:
+    """A table of speed and current has friction in A; with the motor's constants the torque of a current, or of a voltage, as known."""
+    v, k_t, R = np.geomspace(0.02, 2.0, 12), 0.25, 2.0
+    T = 0.8 + 0.3 * np.exp(-((v / 0.1) ** 2)) + 0.5 * v
+    path = written(tmp_path / "table.csv", speed=v, I=T / k_t, V=T / k_t * R + k_t * v)
+    constants, draft = {"torque_constant": f"{k_t} N*m/A", "resistance": f"{R} ohm"}, tmp_path / "table.yaml"
+    cases = [("current", "I", {}, 1 / k_t), ("current", "I", constants, 1.0), ("voltage", "V", constants, 1.0)]
+    for signal, column, told, times in cases:
+        columns, units = (
+            {"velocity": "speed", signal: column},
+            {"velocity": "rad/s", signal: {"I": "A"}.get(column, "V")},
+        )
+        asked = bristle.Told(columns=columns, units=units, **told)
+        draft.write_text(bristle.draft(path, told=asked, folder=tmp_path)[0], encoding="utf-8")
+        found = bristle.identify(draft).joint().static["+"].parameters["alpha_0"]
+        assert found.value == pytest.approx(0.8 * times, rel=1e-3)
+
+
 @pytest.mark.parametrize(("signal", "unit"), [("current", "A"), ("voltage", "V")])
 def test_an_effort_without_constants_is_friction_in_its_own_unit(tmp_path: Path, signal: str, unit: str) -> None:
     """A current or a voltage that nothing tells the torque of: friction is in A or V, as much as the torque has over the constants."""

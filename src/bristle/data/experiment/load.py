@@ -115,8 +115,8 @@ class Experiment(StrictModel):
         if signals.position is None and (needs_position or signals.velocity is None):
             wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
             yield f"no {wanted}, which {run.experiment} runs need; name it under signals"
-        if not moving and (signals.velocity is None or drive != "torque"):
-            yield "points are pairs of velocity and torque; name both under signals"
+        if not moving and (signals.velocity is None or drive == "command"):
+            yield "points are pairs of velocity and torque (or a current, or a voltage); name both under signals"
         constants = self.motor_constants
         alone = constants is None and len({self.signals_of(r).drive() for r in self.runs}) == 1
         lacks = [x for name, x in GAINS.items() if getattr(signals, name) and not (constants and getattr(constants, x))]
@@ -270,8 +270,7 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
             shown, table, signals, experiment.cleaning, experiment.context, labels=labels, points=points,
             motor=experiment.motor_constants,
         )  # fmt: skip  # a list
-        if not points:
-            record = _complete(experiment, run.experiment, record, signals.drive())
+        record = _complete(experiment, run.experiment, record, signals.drive())
         if (gear := experiment.context.gear) is not None:
             logged = [name for name in (*SIDED, *DRIVE) if getattr(signals, name) is not None]
             moved = ", ".join(dict.fromkeys(name for name in logged if gear.at_motor(name))) or "no signal"
@@ -293,7 +292,7 @@ def from_current(k_t: float, unit: str) -> Finding:
 
 
 def _complete(experiment: Experiment, kind: schema.RunKind, record: Record, drive: str | None) -> Record:
-    """The record with velocity, torque, for tracking acceleration, and the low pass that its kind needs."""
+    """The record with torque and, but for points, velocity, for tracking acceleration, and the low pass that its kind needs."""
     from bristle.data.bandwidth import of_held_speeds, of_motion, of_slow_loading, without_noisy_velocity
     from bristle.data.differentiation import estimate_motion, let_go, without_rests
     from bristle.model.motor import drive_torque
