@@ -1,4 +1,5 @@
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -211,14 +212,12 @@ def test_points_of_a_current_or_a_voltage(tmp_path: Path) -> None:
     v, k_t, R = np.geomspace(0.02, 2.0, 12), 0.25, 2.0
     T = 0.8 + 0.3 * np.exp(-((v / 0.1) ** 2)) + 0.5 * v
     path = written(tmp_path / "table.csv", speed=v, I=T / k_t, V=T / k_t * R + k_t * v)
-    constants, draft = {"torque_constant": f"{k_t} N*m/A", "resistance": f"{R} ohm"}, tmp_path / "table.yaml"
-    cases = [("current", "I", {}, 1 / k_t), ("current", "I", constants, 1.0), ("voltage", "V", constants, 1.0)]
+    constants: dict[str, Any] = {"torque_constant": f"{k_t} N*m/A", "resistance": f"{R} ohm"}
+    draft, nothing = tmp_path / "table.yaml", dict[str, Any]()
+    cases = [("current", "I", nothing, 1 / k_t), ("current", "I", constants, 1.0), ("voltage", "V", constants, 1.0)]
     for signal, column, told, times in cases:
-        columns, units = (
-            {"velocity": "speed", signal: column},
-            {"velocity": "rad/s", signal: {"I": "A"}.get(column, "V")},
-        )
-        asked = bristle.Told(columns=columns, units=units, **told)
+        units = {"velocity": "rad/s", signal: "A" if column == "I" else "V"}
+        asked = bristle.Told(columns={"velocity": "speed", signal: column}, units=units, **told)
         draft.write_text(bristle.draft(path, told=asked, folder=tmp_path)[0], encoding="utf-8")
         found = bristle.identify(draft).joint().static["+"].parameters["alpha_0"]
         assert found.value == pytest.approx(0.8 * times, rel=1e-3)
