@@ -1,9 +1,9 @@
 """Bias of moving fits by encoder counts, from a parametric bootstrap at the estimate.
 
-The smoothest motion within the counts stands for the true one, within q / sqrt(12) of the readings for a count q. If it
-explains the torque more than twice as badly as the readings, the fit is one of counts: nothing is subtracted, and
-presliding and the peak are not identifiable. A bias b changes by about b / theta of itself up to the truth; a parameter
-with more than half a standard error of that, and b above one, is not identifiable.
+The smoothest motion within the counts stands for the true one: within q / sqrt(12) of the readings for a count q, rms,
+and within q everywhere. If it explains the torque more than twice as badly as the readings, the fit is one of counts:
+nothing is subtracted, and presliding and the peak are not identifiable. A bias b changes by about b / theta of itself
+up to the truth; a parameter with more than half a standard error of that, and b above one, is not identifiable.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -83,14 +83,15 @@ def without_count_bias(
 
 
 def between_counts(record: Record, resolution: float) -> Record:
-    """The record with the smoothest motion within resolution / sqrt(12), rad, rms, of its positions."""
+    """The record with the smoothest motion within resolution / sqrt(12), rad, rms, and a count of its positions."""
     if record.position is None:
         return record
     position = np.asarray(record.position)
     smooth, lower = smoothed(record, position, record.cutoff), record.cutoff / _LADDER
     while lower * record.step > LOWEST:
         smoother = smoothed(record, position, lower)
-        if np.sqrt(np.mean((smoother - position) ** 2)) > resolution / np.sqrt(12):
+        off = np.abs(smoother - position)
+        if np.sqrt(np.mean(off**2)) > resolution / np.sqrt(12) or off.max() > resolution:
             break
         smooth, lower = smoother, lower / _LADDER
     velocity, acceleration = (derivative(record, smooth, order) for order in (1, 2))
