@@ -30,7 +30,6 @@ NEED = 10.0  # percent of friction: the required accuracy by default; an exporte
 # Logs
 GAP = 5.0  # median intervals: nothing is interpolated or filtered across a longer one, by default
 UNEVEN = 0.05  # of a sampling interval, standard deviation: less of it hides nothing
-NOISIER = 5.0  # noise of a logged velocity over that of the slope of its position: it bends a bristle
 LONGEST_BRIDGE, BRIDGED, BRIDGED_NOISE = 200, 0.01, 1.5  # samples of a bridged gap, share of motion or noise it is off
 SLOWER_FILE, AS_SLOW = 1.2, 1.1  # ratio of intervals, of rows: a file sampled more slowly, signals sampled as slowly
 TIME_STEPS, LONGEST_STEP = (1e-5, 1.0), 100.0  # s, and usual steps: the column of a time grows in such steps
@@ -52,11 +51,7 @@ NEXT_LEVEL, DISTINCT = 0.05, 0.9  # of a torque's range: a limit and the next va
 UNSIGNED, UNSIGNED_TURNS = 200, 4  # samples, and turns, that show that a torque has no sign
 UNSIGNED_WAY, UNSIGNED_SLOW = 0.1, 0.1  # of the way, at least, in each direction; of the fastest speed at a turn
 UNSIGNED_ZERO, UNSIGNED_LOW = (0.02, 0.05), (0.2, 0.2)  # share of samples, of turns; of the largest, the median torque
-DEAD_ZONE, DEAD_SAMPLES, DEAD_REST = (
-    5e-4,
-    4,
-    0.001,
-)  # least share; samples at zero, changes of sign; of the mean speed: rest
+DEAD_ZONE, DEAD_SAMPLES, DEAD_REST = 5e-4, 4, 0.001  # share at zero; samples, and turns; of the mean speed: rest
 STARTS_LOADED, COARSE = 0.02, 64  # of the largest torque: a load at the start of slow loading; steps of a coarse torque
 UNRELATED, FACTOR_KNOWN = 0.7, 2.0  # correlation of velocity and position, unless one is noise; ratio of its limits
 COUNTED_TIMES, LAG = 1e-3, 1.0  # samples: stamps that deviate less were counted; a velocity that lags less is not late

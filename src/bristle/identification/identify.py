@@ -33,8 +33,15 @@ from bristle.identification.law_comparison import (
     laws_of_points,
     term_that_pays,
 )
-from bristle.identification.measured import Measured, nothing_to_fit, with_options, with_wider_low_pass, without_delay
-from bristle.identification.model_selection import bic_of_directions, compare_models, refitted
+from bristle.identification.measured import (
+    Measured,
+    nothing_to_fit,
+    with_options,
+    with_slopes,
+    with_wider_low_pass,
+    without_delay,
+)
+from bristle.identification.model_selection import Refitted, bic_of_directions, compare_models, refitted
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     directions,
@@ -95,13 +102,11 @@ class _Decisions:
         self.measured = with_periods(self.measured)
         self._law()
         self.joint = self._identified(self.measured)
+        self._velocity()
         self._terms()
         self._on_time()
         if (scale := next((w for w in self.measured.findings if w.code == "scale-by-gravity"), None)) is not None:
             self.told["chosen scale"] = scale.message
-        notes = (note for run in self.measured.runs for note in run.record.notes)
-        if (noisy := next((note for note in notes if note.code == "velocity-noisy"), None)) is not None:
-            self.told["chosen velocity"] = noisy.message
         of_motion = auto and not self.bic
         if of_motion:
             self._sides()
@@ -153,8 +158,20 @@ class _Decisions:
         """RMS of the residuals of other records over those in force, moving runs descended from their last minimum; inf without any."""
         if (alone := self.joint.tracking) is None:
             return float("inf")
-        left = refitted(measured, alone, directions(measured.experiment, measured.moving(hold_out=False))).residuals
-        return float(np.sqrt(np.mean(left**2))) / alone.rms
+        return float(np.sqrt(np.mean(self._refitted(measured, alone).residuals ** 2))) / alone.rms
+
+    def _left_by_file(self, measured: Measured) -> dict[str, float]:
+        """RMS of the residuals of each file of other records, or of those in force, descended likewise."""
+        if (alone := self.joint.tracking) is None:
+            return {}
+        found = self._refitted(measured, alone)
+        return {
+            file: float(np.sqrt(np.mean(found.residuals[found.file == file] ** 2)))
+            for file in np.unique(found.file).tolist()
+        }
+
+    def _refitted(self, measured: Measured, alone: TrackingFit) -> Refitted:
+        return refitted(measured, alone, directions(measured.experiment, measured.moving(hold_out=False)))
 
     def _directions(self) -> None:
         """Choose directions of points by BIC; moving runs in both directions begin with one friction."""
@@ -250,12 +267,34 @@ class _Decisions:
         if bic[APART] < bic[SYMMETRIC] - BIC_GAIN:
             self.measured, self.joint = sided, each
 
+    def _clearly_lower(self) -> float:
+        """Ratio of residuals below which other signals of the same motion explain the torque clearly better, by BIC."""
+        alone = self.joint.tracking
+        independent = 1.0 if alone is None else alone.residuals.size / inflation(alone.residuals)
+        return max(LOWER, float(np.exp(-BIC_GAIN / (2 * independent))))
+
+    def _velocity(self) -> None:
+        """Take the slope of the position for a logged velocity where it leaves clearly less of the torque: that is noisy, or late."""
+        moving = self.measured.moving(hold_out=False)
+        both = any(r.position is not None and not r.velocity_estimated for r in moving)
+        if not both or self.measured.experiment.fit.set_up == AS_WRITTEN:
+            return
+        left, most, files = self._left_by_file, self._clearly_lower(), [r.file for r in moving]
+        logged, slopes = left(self.measured), left(with_slopes(self.measured, files))
+        lower = [file for file in files if slopes.get(file, np.inf) <= most * logged.get(file, 0.0)]
+        if lower and self._take(with_slopes(self.measured, lower), 1.0):
+            where = f" in {len(lower)} of {len(files)} runs" if len(lower) < len(files) else ""
+            more = max(logged[file] / slopes[file] for file in lower) - 1
+            self.told["chosen velocity"] = (
+                f"the slope of the position{where}; the logged one leaves {100 * more:.2g} % more of the torque "
+                "(fit.set_up: as-written overrules)"
+            )
+
     def _low_pass(self) -> None:
         """Take a wider low pass where it leaves clearly less of the torque: the narrower one filtered out part of the motion."""
-        if self.measured.experiment.fit.position_cutoff is not None or (alone := self.joint.tracking) is None:
+        if self.measured.experiment.fit.position_cutoff is not None or self.joint.tracking is None:
             return
-        independent = alone.residuals.size / inflation(alone.residuals)
-        found, most = None, max(LOWER, float(np.exp(-BIC_GAIN / (2 * independent))))
+        found, most = None, self._clearly_lower()
         for factor in _WIDER:
             wide = with_wider_low_pass(self.measured, factor)
             if not (left := self._left_on(wide)) <= most:

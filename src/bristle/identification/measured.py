@@ -1,6 +1,6 @@
 """Runs of an experiment, read and cut into segments at constant velocity."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Container, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.data.bandwidth import decimation
+from bristle.data.bandwidth import decimation, of_motion
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
 from bristle.data.differentiation import estimate_motion, usable, without_short_segments
 from bristle.data.experiment.constants import ONE
@@ -202,6 +202,21 @@ def _refiltered(record: Record, cutoff: float) -> Record:
     velocity = None if whole.velocity_estimated else whole.velocity
     moved = estimate_motion(replace(whole, velocity=velocity, acceleration=None, notes=kept), cutoff)
     return with_motion(record, moved)
+
+
+def with_slopes(measured: Measured, files: Container[str]) -> Measured:
+    """The same with velocities of some moving runs that are slopes of their positions, where both were logged."""
+
+    def slope(record: Record) -> Record:
+        whole = record.fine or record
+        if record.position is None or record.velocity_estimated or record.file not in files:
+            return record
+        kept = tuple(n for n in record.notes if n.code not in {"motion-from-position", "acceleration-from-velocity"})
+        return with_motion(
+            record, estimate_motion(replace(whole, velocity=None, acceleration=None, notes=kept), of_motion)
+        )
+
+    return replace(measured, runs=_changed(measured.runs, slope))
 
 
 def with_wider_low_pass(measured: Measured, factor: float) -> Measured:

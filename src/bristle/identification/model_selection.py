@@ -4,6 +4,9 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
@@ -98,6 +101,7 @@ class Refitted(NamedTuple):
     residuals: Array
     parameters: int
     values: Values  # Where the fit ended
+    file: NDArray[np.str_]  # Run of each residual
 
 
 def refitted(measured: Measured, alone: TrackingFit, sides: tuple[str, ...], worth: float = 0.0) -> Refitted:
@@ -113,7 +117,7 @@ def refitted(measured: Measured, alone: TrackingFit, sides: tuple[str, ...], wor
     start = {name: x for name, x in carried(problem, alone.known).items() if name not in problem.fixed}
     enough = worth * alone.rms**2 * inflation(alone.residuals) if worth else 0.0
     values, minimum = fit(problem, with_deflections(problem, start), _STEPS, enough)
-    return Refitted(minimum.residuals, len(problem.names), values)
+    return Refitted(minimum.residuals, len(problem.names), values, problem.file)
 
 
 def asked_regressors(experiment: Experiment, sides: tuple[str, ...]) -> tuple[str, ...]:
@@ -134,7 +138,7 @@ def bic_of_directions(
         residuals, parameters, end = each.residuals, _unknowns(each), None
     else:
         try:
-            residuals, parameters, end = refitted(measured, alone, tuple(DIRECTIONS), _WORTH)
+            residuals, parameters, end, _ = refitted(measured, alone, tuple(DIRECTIONS), _WORTH)
         except InputError:  # a start without influence
             return {}, None
     both = {SYMMETRIC: (alone.residuals, _unknowns(alone)), APART: (residuals, parameters)}

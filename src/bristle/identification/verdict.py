@@ -100,7 +100,8 @@ def _largest(joint: Joint, known: Accuracy, finding: Finding | None, cause: Find
     if known.sides == largest:
         message = (
             f"These data do not distinguish an offset of the torque from friction that differs between the directions, which is {known.sides:.2g} % "
-            "of friction. See whether the torque is zero where nothing loads the joint, or measure at more speeds in both directions."
+            f"of friction; their sum is known to {known.statistical:.2g} %. See whether the torque is zero where nothing loads the joint, and write "
+            "`directions: symmetric` (an offset) or `separate` (friction) under fit (--directions)."
         )
         return Finding("offset-or-friction", CAUTION, message, {"share": known.sides})
     made = " and ".join(joint.uncertain_constants)

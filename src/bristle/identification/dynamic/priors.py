@@ -182,8 +182,8 @@ def _problem(
 
 
 def _count(experiment: Experiment, records: Sequence[Record]) -> float:
-    """The encoder count where velocity comes from positions, rad; 0 otherwise."""
-    return resolution(experiment, records) if experiment.signals.velocity is None else 0.0
+    """The encoder count where velocities come from positions, rad; 0 otherwise."""
+    return resolution(experiment, records) if all(r.velocity_estimated for r in records) else 0.0
 
 
 def _static_of(static: Mapping[str, StaticFit], direction: Direction) -> StaticFit | None:
