@@ -465,6 +465,9 @@ def test_dead_zones_and_levels_of_a_torque() -> None:
             assert found.code == "dead-zone"
             assert found.numbers["share"] == pytest.approx(np.mean(dead == 0))
             assert kinds(record, "tracking") == []
+            # holds, which take a few rounded torques far more often than the zone does
+            held = replace(record, torque=np.round(1e3 * np.where(np.abs(v) > 0.8, np.sign(v), dead)) / 1e3)
+            assert [x.code for x in check_torque(held, "ramp")] == ["dead-zone"]
             at = np.repeat(np.arange(t.size), np.where(np.arange(t.size) % 800 == 799, 200, 1))
             still = np.diff(at, prepend=-1) == 0
             resting = replace(

@@ -9,6 +9,7 @@ sides of the equations go through the same filter, which biases nothing.
 """
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -56,6 +57,30 @@ def of_motion(record: Record) -> tuple[float, Finding]:
             break
         cutoff, inertia, error, tried = tried, lower, its_error, tried / _LADDER
     return cutoff, _by_motion(own, shown)
+
+
+def without_noisy_velocity(record: Record) -> Record:
+    """The record without a logged velocity of far more noise than the slope of its position has after the low pass, with a note."""
+    if record.position is None or record.velocity is None:
+        return record
+    bare, part = replace(record, velocity=None), _longest(record)
+    logged, position = (_shown(x[part], record.step) for x in (record.velocity, record.position))
+
+    def slope_below(cutoff: float) -> float:
+        """Rms of the derivative of the position's white noise up to a cut-off."""
+        return float(2 * np.pi * np.sqrt(position.noise * cutoff**3 / 3))
+
+    # that of the velocity, up to the Nyquist frequency; the cut-off, which costs more, only where it can matter
+    own = float(np.sqrt(logged.noise / (2 * record.step)))
+    if own <= levels.NOISIER * slope_below(usable(record, levels.OVER_BAND * position.own)):
+        return record
+    slope = slope_below(of_motion(bare)[0])
+    if own <= levels.NOISIER * slope:
+        return record
+    message = f"the slope of the position, {own / slope:.2g} times quieter than the logged one (fit.set_up: as-written overrules)"
+    return replace(
+        bare, notes=(*record.notes, Finding("velocity-noisy", NOTE, message, {"logged": own, "slope": slope}))
+    )
 
 
 def _by_motion(motion: float, shown: float) -> Finding:

@@ -29,6 +29,7 @@ NEED = 10.0  # percent of friction: the required accuracy by default; an exporte
 
 # Logs
 GAP = 5.0  # median intervals: nothing is interpolated or filtered across a longer one, by default
+NOISIER = 5.0  # noise of a logged velocity over that of the slope of its position: it would hide what the motion shows
 UNEVEN = 0.05  # of a sampling interval, standard deviation: less of it hides nothing
 LONGEST_BRIDGE, BRIDGED, BRIDGED_NOISE = 200, 0.01, 1.5  # samples of a bridged gap, share of motion or noise it is off
 SLOWER_FILE, AS_SLOW = 1.2, 1.1  # ratio of intervals, of rows: a file sampled more slowly, signals sampled as slowly

@@ -102,6 +102,9 @@ class _Decisions:
         self.measured = with_periods(self.measured)
         self._law()
         self.joint = self._identified(self.measured)
+        notes = (note for run in self.measured.runs for note in run.record.notes)
+        if (noisy := next((note for note in notes if note.code == "velocity-noisy"), None)) is not None:
+            self.told["chosen velocity"] = noisy.message
         self._velocity()
         self._terms()
         self._on_time()
@@ -284,9 +287,9 @@ class _Decisions:
         lower = [file for file in files if slopes.get(file, np.inf) <= most * logged.get(file, 0.0)]
         if lower and self._take(with_slopes(self.measured, lower), 1.0):
             where = f" in {len(lower)} of {len(files)} runs" if len(lower) < len(files) else ""
-            more = max(logged[file] / slopes[file] for file in lower) - 1
+            more = max(logged[file] / slopes[file] for file in lower)
             self.told["chosen velocity"] = (
-                f"the slope of the position{where}; the logged one leaves {100 * more:.2g} % more of the torque "
+                f"the slope of the position{where}; the logged one leaves {more:.2g} times as much of the torque "
                 "(fit.set_up: as-written overrules)"
             )
 
