@@ -280,7 +280,8 @@ class _Decisions:
         """Take the slope of the position for a logged velocity where it leaves clearly less of the torque: that is noisy, or late."""
         moving = self.measured.moving(hold_out=False)
         both = any(r.position is not None and not r.velocity_estimated for r in moving)
-        if not both or self.measured.experiment.fit.set_up == AS_WRITTEN:
+        drives = self.measured.experiment.signals.drive() == "command"  # makes the torque of the logged velocity itself
+        if not both or drives or self.measured.experiment.fit.set_up == AS_WRITTEN:
             return
         left, most, files = self._left_by_file, self._clearly_lower(), [r.file for r in moving]
         logged, slopes = left(self.measured), left(with_slopes(self.measured, files))
