@@ -41,7 +41,7 @@ from bristle.identification.measured import (
     with_wider_low_pass,
     without_delay,
 )
-from bristle.identification.model_selection import Refitted, bic_of_directions, compare_models, refitted
+from bristle.identification.model_selection import bic_of_directions, compare_models, refitted
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     directions,
@@ -161,20 +161,17 @@ class _Decisions:
         """RMS of the residuals of other records over those in force, moving runs descended from their last minimum; inf without any."""
         if (alone := self.joint.tracking) is None:
             return float("inf")
-        return float(np.sqrt(np.mean(self._refitted(measured, alone).residuals ** 2))) / alone.rms
+        left = refitted(measured, alone, directions(measured.experiment, measured.moving(hold_out=False))).residuals
+        return float(np.sqrt(np.mean(left**2))) / alone.rms
 
     def _left_by_file(self, measured: Measured) -> dict[str, float]:
-        """RMS of the residuals of each file of other records, or of those in force, descended likewise."""
+        """RMS of the residuals of each file of other records, or of those in force, nearly as far as they descend."""
         if (alone := self.joint.tracking) is None:
             return {}
-        found = self._refitted(measured, alone)
-        return {
-            file: float(np.sqrt(np.mean(found.residuals[found.file == file] ** 2)))
-            for file in np.unique(found.file).tolist()
-        }
-
-    def _refitted(self, measured: Measured, alone: TrackingFit) -> Refitted:
-        return refitted(measured, alone, directions(measured.experiment, measured.moving(hold_out=False)))
+        sides = directions(measured.experiment, measured.moving(hold_out=False))
+        found = refitted(measured, alone, sides, BIC_GAIN / 20, rough=True)
+        files = np.unique(found.file).tolist()
+        return {file: float(np.sqrt(np.mean(found.residuals[found.file == file] ** 2))) for file in files}
 
     def _directions(self) -> None:
         """Choose directions of points by BIC; moving runs in both directions begin with one friction."""

@@ -104,7 +104,9 @@ class Refitted(NamedTuple):
     file: NDArray[np.str_]  # Run of each residual
 
 
-def refitted(measured: Measured, alone: TrackingFit, sides: tuple[str, ...], worth: float = 0.0) -> Refitted:
+def refitted(
+    measured: Measured, alone: TrackingFit, sides: tuple[str, ...], worth: float = 0.0, *, rough: bool = False
+) -> Refitted:
     """LuGre in other directions, or on other records, from `alone` to steps worth less than `worth` of BIC."""
     experiment = measured.experiment
     asked, (fixed, _) = asked_regressors(experiment, sides), inertia(experiment)
@@ -116,6 +118,7 @@ def refitted(measured: Measured, alone: TrackingFit, sides: tuple[str, ...], wor
     problem = replace(whole, fixed={name: x for name, x in known.items() if name.name in given})
     start = {name: x for name, x in carried(problem, alone.known).items() if name not in problem.fixed}
     enough = worth * alone.rms**2 * inflation(alone.residuals) if worth else 0.0
+    problem = problem.rough() if rough else problem
     values, minimum = fit(problem, with_deflections(problem, start), _STEPS, enough)
     return Refitted(minimum.residuals, len(problem.names), values, problem.file)
 
