@@ -56,7 +56,8 @@ def test_c_is_python(compensator: Compensator, handed: Handed, tmp_path: Path) -
     joint = handed("wrist pitch")
     text, inputs = header(joint, compensator), motion(joint)
     torque = python_torque(joint, compensator, inputs)
-    both = ((np.float64, 1e-12), (np.float32, 5e-6 if compensator.adaptation else 1e-6))
+    # single precision: the largest of 10 000 rounding errors is 1e-7 to 1.1e-6 over the embedded joints and all compensators
+    both = ((np.float64, 1e-12), (np.float32, 5e-6 if compensator.adaptation else 2e-6))
     for real, most in both if compensator in SINGLE else both[:1]:
         with compiled(text, joint, compensator, real) as code:
             assert np.abs(code(inputs) - torque).max() <= most * np.abs(torque).max()

@@ -42,18 +42,16 @@ def curve_held(fastest: float) -> Finding:
 
 
 def not_passive(p: Lugre[float], direction: str, *, surely: bool = True) -> Finding:
-    """A caution on parameters of one direction that are not passive (`law.is_passive`); a note if their errors allow it."""
+    """A caution on parameters of one direction that are not passive (`law.is_passive`); a note if they are within their errors."""
     least, of = p.sigma_1 * p.alpha_1 / p.alpha_0, unit_of("alpha_2")
     message = (
         f"The model can feed energy back{in_direction(direction)}: alpha_2 = {p.alpha_2:.3g}{of} is below sigma_1 alpha_1 / alpha_0 = "
         f"{least:.3g}{of}. The fit stands; test a compensator that uses it with care."
     )
-    return Finding(
-        "not-passive",
-        CAUTION if surely else NOTE,
-        message,
-        {"direction": direction, "alpha_2": p.alpha_2, "least": least},
-    )
+    numbers = {"direction": direction, "alpha_2": p.alpha_2, "least": least}
+    if surely:
+        return Finding("not-passive", CAUTION, message, numbers)
+    return Finding("perhaps-not-passive", NOTE, f"{message} Within the errors of its values it may not.", numbers)
 
 
 def not_shown(names: Iterable[object]) -> tuple[Finding, ...]:

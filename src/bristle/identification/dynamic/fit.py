@@ -368,7 +368,7 @@ def hardly_seen(members: Sequence[tuple[object, float]]) -> Finding:
     return Finding("only-as-sum", CAUTION, message, {"all": (*up, *down), "up": up, "down": down})
 
 
-OF_PHYSICS = frozenset({"not-passive", "curve-held"})  # verdicts of `physics`
+OF_PHYSICS = frozenset({"not-passive", "perhaps-not-passive", "curve-held"})  # verdicts of `physics`
 
 
 def physics(problem: DynamicProblem, values: Values, estimates: Mapping[ParameterName, Estimate]) -> list[Finding]:
