@@ -298,9 +298,9 @@ class _Decisions:
         found, most = None, self._clearly_lower()
         for factor in _WIDER:
             wide = with_wider_low_pass(self.measured, factor)
-            if not (left := self._left_on(wide)) <= most:
+            if not self._left_on(wide) <= most:
                 break
-            found, most = wide, left
+            found, most = wide, 1.0  # then as wide as leaves no more than the narrow one
         if found is not None:
             self._take(found)
 
