@@ -33,6 +33,12 @@ class MultistartSolution(NamedTuple, Generic[Name]):
     widening: float
     freedoms: Array
 
+    @property
+    def errors(self) -> dict[Name, float]:
+        """Standard error of each shared unknown in its unit, of a logarithm as it is."""
+        scale = self.posed.unknowns.scale[: len(self.names)]
+        return dict(zip(self.names, (self.scaled_errors * scale).tolist(), strict=True))
+
 
 def solve_from_starts(
     solve: Callable[[Start, int, float], tuple[LeastSquares[Name], Minimum]],

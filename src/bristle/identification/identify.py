@@ -170,8 +170,9 @@ class _Decisions:
             return {}
         sides = directions(measured.experiment, measured.moving(hold_out=False))
         found = refitted(measured, alone, sides, BIC_GAIN / 20, rough=True)
-        files = np.unique(found.file).tolist()
-        return {file: float(np.sqrt(np.mean(found.residuals[found.file == file] ** 2))) for file in files}
+        files, run = np.unique(found.file, return_inverse=True)
+        rms = np.sqrt(np.bincount(run, found.residuals**2) / np.bincount(run))
+        return dict(zip(files.tolist(), rms.tolist(), strict=True))
 
     def _directions(self) -> None:
         """Choose directions of points by BIC; moving runs in both directions begin with one friction."""

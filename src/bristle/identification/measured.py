@@ -10,7 +10,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.bandwidth import decimation, of_motion
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
-from bristle.data.differentiation import estimate_motion, usable, without_short_segments
+from bristle.data.differentiation import Choice, estimate_motion, usable, without_short_segments
 from bristle.data.experiment.constants import ONE
 from bristle.data.experiment.load import Experiment, Run, in_own_unit, load_experiment, read_runs
 from bristle.data.record import Record
@@ -195,11 +195,11 @@ def _changed(runs: Sequence[Run], change: Callable[[Record], Record]) -> tuple[R
     return tuple(replace(run, record=change(run.record)) if run.kind == "tracking" else run for run in runs)
 
 
-def _refiltered(record: Record, cutoff: float) -> Record:
-    """A moving run with its motion estimated again through another low pass, Hz."""
+def _refiltered(record: Record, cutoff: float | Choice, *, logged: bool = True) -> Record:
+    """A moving run with its motion estimated again through another low pass, Hz, from its velocity if `logged`."""
     kept = tuple(n for n in record.notes if n.code not in {"motion-from-position", "acceleration-from-velocity"})
     whole = record.fine or record
-    velocity = None if whole.velocity_estimated else whole.velocity
+    velocity = whole.velocity if logged and not whole.velocity_estimated else None
     moved = estimate_motion(replace(whole, velocity=velocity, acceleration=None, notes=kept), cutoff)
     return with_motion(record, moved)
 
@@ -208,13 +208,9 @@ def with_slopes(measured: Measured, files: Container[str]) -> Measured:
     """The same with velocities of some moving runs that are slopes of their positions, where both were logged."""
 
     def slope(record: Record) -> Record:
-        whole = record.fine or record
-        if record.position is None or record.velocity_estimated or record.file not in files:
-            return record
-        kept = tuple(n for n in record.notes if n.code not in {"motion-from-position", "acceleration-from-velocity"})
-        return with_motion(
-            record, estimate_motion(replace(whole, velocity=None, acceleration=None, notes=kept), of_motion)
-        )
+        """A run of those files that has both."""
+        both = record.position is not None and not record.velocity_estimated
+        return _refiltered(record, of_motion, logged=False) if both and record.file in files else record
 
     return replace(measured, runs=_changed(measured.runs, slope))
 

@@ -186,8 +186,7 @@ def solve_dynamic(
     best = solve_from_starts(solve, begins, finish, progress, cost=cost)
     while search:
         added = dict[Unknown, float]()  # Stribeck terms asked for by the residuals
-        scale = best.posed.unknowns.scale
-        errors = dict(zip(best.names, (best.scaled_errors * scale[: len(best.names)]).tolist(), strict=True))
+        errors = best.errors
         for direction in problem.directions:
             alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
             none = {alpha_1, v_s} <= best.values.keys() and best.values[alpha_1] <= errors[alpha_1]

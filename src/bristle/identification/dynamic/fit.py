@@ -187,10 +187,8 @@ def _not_shown(
     """Stribeck parameters that the motion does not show, but those `shown`: the value to hold, and the reason."""
     if problem.stribeck == "stribeck":
         return {}
-    unknowns, doubts = solution.posed.unknowns, peak_doubts(problem, solution)
-    upper = dict(zip(problem.names, unknowns.upper.tolist(), strict=True))
-    scale = unknowns.scale[: len(solution.names)]
-    errors = dict(zip(solution.names, (solution.scaled_errors * scale).tolist(), strict=True))
+    errors, doubts = solution.errors, peak_doubts(problem, solution)
+    upper = dict(zip(problem.names, solution.posed.unknowns.upper.tolist(), strict=True))
     bend = Finding("unseen-bend", NOTE, _BENDS)
     bends, unsure, none = (dict[ParameterName, tuple[float, Finding]]() for _ in range(3))
     for direction in problem.directions:

@@ -167,10 +167,8 @@ class DynamicProblem:
         """Longest way in one direction, rad, median of the motions."""
         strokes = []
         for m in self.motions:
-            way, turns = (
-                np.append(0.0, np.cumsum(m.velocity[1:] * m.step)),
-                np.flatnonzero(np.diff(np.sign(m.velocity))),
-            )
+            way = np.append(0.0, np.cumsum(m.velocity[1:] * m.step))
+            turns = np.flatnonzero(np.diff(np.sign(m.velocity)))
             strokes.append(float(np.abs(np.diff(way[[0, *turns.tolist(), -1]])).max()))
         return float(np.median(strokes))
 
