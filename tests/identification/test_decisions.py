@@ -124,6 +124,18 @@ def test_a_noisy_or_late_velocity_gives_way_to_the_slope_of_the_position(tmp_pat
         near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
 
 
+def test_a_drive_that_twists_is_taken_off_the_position(tmp_path: Path) -> None:
+    """An encoder before a belt: its compliance within a hundredth, and friction as behind it; a stiff drive has none."""
+    t, q, v, a = sines(500.0, 30.0, [(0.4, 0.13, 0.2), (0.3, 0.31, 1.0), (0.15, 0.71, 2.0)])
+    torque = bristle.simulate(v, 1 / 500, TRUTH) + INERTIA * a
+    for compliance in (0.0, 1 / 1000):
+        turned = np.round((q + compliance * torque) * COUNTS) / COUNTS
+        joint = drafted(written(tmp_path / "log.csv", t=t, q=turned, tau=torque + white(t.size, 0.01)))
+        told = joint.settings.get("chosen position", "by 0 +/-").split("by ")[1].split()[0]
+        assert float(told) == pytest.approx(compliance, rel=0.01)
+        near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+
+
 def test_means_stand_for_a_log_that_is_sampled_fast(tmp_path: Path) -> None:
     """A motion that is logged at 5 kHz is fitted by means of samples, says so, and gives what it gives at 500 Hz, within two standard errors."""
     found = []

@@ -144,7 +144,8 @@ NEARLY_ALL, NOISE_ADDS = 0.99, 1.1  # share of readings below a saturation, and 
 # Slow loading
 LOADED, SHORTEST_LOADING = 0.2, 0.5  # of a presliding run's time; s: a shorter rise of torque begins a motion
 SPRING = 0.3  # correlation of torque and position of a joint that rests on its bristles
-SLIDING, SLIDING_TIME, SLIDING_TRAVEL = 0.8, 1 / 3, 0.05  # of the largest torque: for longer, or sooner, a joint slides
+SLIDING, SLIDING_TIME = 0.8, 1 / 3  # of the largest torque: for longer, or within the next, a joint slides
+SLIDING_TRAVEL = 0.2  # of the way: LuGre loaded up to 0.999 g0 takes 0.23
 GOES_ON, HELD_MORE = 2.0, 1.02  # of the way before: less may be creep; of an onset's torque: held elsewhere, it is none
 PIECE_END, SLIDING_END = 0.9, 0.99  # of the largest torque: a piece, a search for sliding, end there: later it falls
 SLIDES_FASTER, SLIDES_COUNTS = 5.0, 3.0  # deviations of a speed by counts alone, counts of travel: less is no sliding

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from scipy.special import expit
 
+from bristle.arrays import Array
 from bristle.data.experiment.constants import ONE, torque_scale
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AS_WRITTEN, GONE
@@ -40,6 +41,7 @@ from bristle.identification.measured import (
     with_slopes,
     with_wider_low_pass,
     without_delay,
+    without_twist,
 )
 from bristle.identification.model_selection import bic_of_directions, compare_models, refitted
 from bristle.identification.moving_runs import (
@@ -107,6 +109,7 @@ class _Decisions:
             self.told["chosen velocity"] = noisy.message
         self._velocity()
         self._terms()
+        self._flexible()
         self._on_time()
         if (scale := next((w for w in self.measured.findings if w.code == "scale-by-gravity"), None)) is not None:
             self.told["chosen scale"] = scale.message
@@ -327,6 +330,37 @@ class _Decisions:
             if self.measured.experiment.fit.load and self.joint.tracking is not None:
                 laws, ends = laws_of_motion(self.measured, self.joint.tracking, every=True)
                 self.laws = laws or self.laws
+
+    def _flexible(self) -> None:
+        """Take the position where it rubs, behind a drive that twists, where residuals fall by a tenth."""
+        from scipy.optimize import least_squares
+
+        as_logged, alone, moving = self.measured, self.joint.tracking, self.joint.moving
+        found = (w.numbers for w in (moving.warnings if moving else ()) if w.code == "flexible-drive")
+        asked = next((float(x["compliance"]) for x in found), 0.0)
+        if not asked or alone is None or as_logged.experiment.fit.set_up == AS_WRITTEN:
+            return
+        sides, given = directions(as_logged.experiment, as_logged.moving(hold_out=False)), as_logged.experiment.inertia
+        inertia = alone.known.get(INERTIA, 0.0 if given is None else given.value)
+
+        def twisted(compliance: float, before: float) -> Measured:
+            """The same for this compliance, over the one asked for, and this share of the inertia before what twists."""
+            return without_twist(as_logged, compliance * asked, compliance * asked * before * inertia)
+
+        def left(x: Array) -> Array:
+            """What all other parameters leave at their best, (n,)."""
+            return np.asarray(refitted(twisted(*x.tolist()), alone, sides).residuals)
+
+        bounds = [0.0, 0.0], [np.inf, 1.0]
+        best = least_squares(left, [1.0, 0.3], bounds=bounds, diff_step=[0.05, 0.05], ftol=1e-3, xtol=1e-2, max_nfev=12)
+        if self._take(twisted(*best.x.tolist()), LOWER):
+            J = np.asarray(best.jac)
+            spread = np.linalg.pinv(J.T @ J)[0, 0] * np.mean(best.fun**2) * inflation(best.fun)
+            of = f"{unit('position', as_logged.experiment.joint.kind)}/({effort_unit(as_logged.experiment.joint.kind)})"
+            self.told["chosen position"] = (
+                f"where it rubs, behind the logged one by {best.x[0] * asked:.3g} +/- {np.sqrt(spread) * asked:.1g} {of} times the torque: a "
+                "belt, shaft or coupling twists (fit.set_up: as-written overrules)"
+            )
 
     def _on_time(self, *, again: bool = False) -> None:
         """Take off a delay of the torque where residuals fall by a tenth; of commands wherever they do not grow."""

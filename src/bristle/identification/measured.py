@@ -10,7 +10,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.bandwidth import decimation, of_motion
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
-from bristle.data.differentiation import Choice, estimate_motion, usable, without_short_segments
+from bristle.data.differentiation import Choice, derivative, estimate_motion, smoothed, usable, without_short_segments
 from bristle.data.experiment.constants import ONE
 from bristle.data.experiment.load import Experiment, Run, in_own_unit, load_experiment, read_runs
 from bristle.data.record import Record
@@ -218,6 +218,23 @@ def with_slopes(measured: Measured, files: Container[str]) -> Measured:
 def with_wider_low_pass(measured: Measured, factor: float) -> Measured:
     """The same with the low pass of moving runs wider by a factor, at the same decimation."""
     return replace(measured, runs=_changed(measured.runs, lambda r: _refiltered(r, usable(r, factor * r.cutoff))))
+
+
+def without_twist(measured: Measured, compliance: float, twist: float) -> Measured:
+    """The same with the position where moving runs rub: behind by `compliance` times torque less `twist` times acceleration, SI."""
+
+    def rubs(record: Record) -> Record:
+        whole = record.fine or record
+        if whole.position is None or whole.torque is None or whole.acceleration is None:
+            return record
+        behind = smoothed(whole, compliance * whole.torque - twist * whole.acceleration, record.cutoff)
+        velocity = (
+            None if whole.velocity_estimated or whole.velocity is None else whole.velocity - derivative(whole, behind)
+        )
+        there = replace(whole, position=whole.position - behind, velocity=velocity, velocity_estimated=False)
+        return _refiltered(there if record.fine is None else replace(record, fine=there), record.cutoff)
+
+    return replace(measured, runs=_changed(measured.runs, rubs))
 
 
 def without_delay(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:

@@ -77,7 +77,7 @@ def verdict(joint: Joint) -> Verdict:
 
 _CAUSES = {
     "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
-    "backlash", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
+    "backlash", "flexible-drive", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
 }  # fmt: skip  # a list of values
 _WIDENS = {"clipped-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
 """Codes that explain large residuals, and those that explain wide errors."""

@@ -266,7 +266,9 @@ def _settled(nodes: Nodes, z0: float, starts: Array, parameters: _Parameters) ->
     advance = vectorised(functions.step_function(parameters.law))
     v0, v1, h = nodes.steps
     ahead = np.sign(nodes.heading)
-    above, below = (advance(v0, v1, h, *_acting_over(parameters, np.array(s), nodes)) for s in (1.0, -1.0))
+    sets = np.array([_acting(parameters, np.array(sign), nodes.heading) for sign in (1.0, -1.0)])  # of each sign of z
+    rise = None if nodes.level is None else nodes.rise[0]
+    above, below = (advance(v0, v1, h, *_with_level([*acting], rise)) for acting in sets)
     for a, b in (above, below):
         a[nodes.begins - 1], b[nodes.begins - 1] = 0.0, starts
     first = np.flatnonzero(np.diff(ahead, prepend=np.nan))
@@ -301,10 +303,11 @@ def _settled(nodes: Nodes, z0: float, starts: Array, parameters: _Parameters) ->
             risen = None
             if nodes.level is not None and level is not None:
                 risen = np.concatenate([nodes.level[0, at] + level[0], level[0] + nodes.level[0, at + 1]]) / 2
-            acting = _with_level(_acting(parameters, np.concatenate([side[at], ahead[at]]), begin + end), risen)
-            parts = advance(begin, end, np.concatenate([whole * share, whole * (1 - share)]), *acting)
-            (a_0, a_1), (b_0, b_1) = (np.split(part, 2) for part in parts)
-            a[at], b[at] = a_1 * a_0, a_1 * b_0 + b_1
+            below_zero = np.concatenate([side[at], ahead[at]]) < 0
+            acting = _with_level([*sets[below_zero.astype(np.intp), :, np.concatenate([at, at])].T], risen)
+            a_of, b_of = advance(begin, end, np.concatenate([whole * share, whole * (1 - share)]), *acting)
+            before, after = slice(at.size), slice(at.size, None)
+            a[at], b[at] = a_of[after] * a_of[before], a_of[after] * b_of[before] + b_of[after]
         z = scan(a, b, z0)
         if np.abs(z[first] - start).max() <= still:
             break
@@ -323,10 +326,11 @@ def _share_before(v0: Array, v1: Array, reached: Array, forgotten: Array) -> Arr
         reached: abs(z0) over what the step adds to a z of zero, (k,).
         forgotten: 1 - exp(-h lambda), (k,).
     """
-    forgotten = np.clip(forgotten, 1e-9, 1 - 1e-15)
-    with np.errstate(divide="ignore"):  # a bristle that hardly moves in the step crosses at its end
-        way = np.log1p(reached * forgotten) / -np.log1p(-forgotten)
-    way = np.clip(way, np.finfo(float).tiny, 1.0)
-    slow, fast = np.abs([v0, v1]) / (np.abs(v0) + np.abs(v1))
+    # a bristle that hardly moves in the step crosses at its end
+    forgotten = np.minimum(np.maximum(forgotten, 1e-9), 1 - 1e-15)
+    way = np.log1p(reached * forgotten) / -np.log1p(-forgotten)
+    way = np.minimum(np.maximum(way, np.finfo(float).tiny), 1.0)
+    first, last = np.abs(v0), np.abs(v1)
+    slow, fast = first / (first + last), last / (first + last)
     fraction: Array = way / (slow + np.sqrt(slow**2 + (fast - slow) * way))
     return fraction

@@ -77,12 +77,17 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
     if INERTIA not in problem.names and INERTIA.name not in problem.given:
         ask(partial(_inertia, kind), [np.gradient(m.velocity, m.time) for m in motions])
     if problem.cutoff and all(m.position.size for m in motions):
-        ask(_backlash, *(_shifted(problem, solution.values, torque, width) for width in _WIDTHS))
+        shifted, top = partial(_shifted, problem, solution.values, torque), problem.fastest
+        ask(_backlash, *(shifted([-np.tanh(m.velocity / (width * top)) for m in motions]) for width in _WIDTHS))
+        # a drive twists by its torque, but for what accelerates the inertia before that
+        twists = shifted([-T for T in torque]), shifted([np.gradient(m.velocity, m.time) for m in motions])
+        every.append(Candidate(_flexible, [np.stack([_equations(motions, x) for x in twists], axis=1)]))
     if (largest := max(float(np.abs(T).max()) for T in torque)) > 0:
         ask(partial(_dead_zone, largest), *([np.clip(T / (x * largest), -1, 1) for T in torque] for x in _ZONES))
         read = float(np.quantile(np.abs(np.concatenate([m.measured for m in motions])), levels.NEARLY_ALL))
         above = ([T - np.clip(T, -x * largest, x * largest) for T in torque] for x in _TOPS)
         ask(partial(_saturates, read, largest), *above)
+        ask(partial(_bends, largest), [T * (T / largest) ** 2 for T in torque])
     lacks = explained(fit, every)
     # a bristle that is bent by a count more or less, as at a reversal
     counted = max((p.sigma_0 for p in sets_of(problem, values).values()), default=0.0) * problem.count / np.sqrt(12)
@@ -174,17 +179,16 @@ def _by_load(law: str, found: Score, _: int) -> Finding:
     return Finding("friction-by-load", CAUTION, message, {"by": by, "error": error, "share": found.share, "law": law})
 
 
-def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], width: float) -> list[Array]:
-    """Change of the torque per backlash, rad, that is passed within a width of the largest speed."""
-    top = problem.fastest
-    small, motions = _SMALL * max(float(np.ptp(m.position)) for m in problem.motions), []
-    for m in problem.motions:
+def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], behind: Sequence[Array]) -> list[Array]:
+    """Change of the torque where what rubs is behind the logged position by so much, rad, (N,) of each motion."""
+    way, size = (max(float(np.ptp(x)) for x in each) for each in ([m.position for m in problem.motions], behind))
+    small, motions = _SMALL * way / max(size, 1e-300), []
+    for m, by in zip(problem.motions, behind, strict=True):
         record = Record(file=m.file, time=m.time)
-        cutoff = usable(record, problem.cutoff)
-        behind = small * smoothed(record, -np.tanh(m.velocity / (width * top)), cutoff)
+        off = small * smoothed(record, by, usable(record, problem.cutoff))
         inert = np.array([name == INERTIA for name in problem.extra_names], dtype=np.float64)
-        extra = m.extra + derivative(record, behind, 2)[:, None] * inert
-        motions.append(replace(m, velocity=m.velocity + derivative(record, behind, 1), extra=extra))
+        extra = m.extra + derivative(record, off, 2)[:, None] * inert
+        motions.append(replace(m, velocity=m.velocity + derivative(record, off, 1), extra=extra))
     moved = modelled(replace(problem, motions=tuple(motions)), values)
     return [(x - T) / small for x, T in zip(moved, torque, strict=True)]
 
@@ -193,10 +197,22 @@ def _backlash(found: Score, _: int) -> Finding:
     twice = 2 * float(found.sizes[0])
     message = (
         f"At each reversal the position runs {'ahead' if twice > 0 else 'behind'} by {abs(twice):.2g}{unit_of('position')}, which would explain "
-        f"{100 * found.share:.0f} % of what the fit leaves: backlash, a flexible coupling between the encoder and what rubs, or a rest at the "
-        "reversal that the low pass smooths. Bristle and inertia take part of it up; log the position where it rubs."
+        f"{100 * found.share:.0f} % of what the fit leaves: backlash between the encoder and what rubs, or a rest at the reversal that the low "
+        "pass smooths. Bristle and inertia take part of it up; log the position where it rubs."
     )
     return Finding("backlash", CAUTION, message, {"play": abs(twice), "share": found.share})
+
+
+def _flexible(found: Score, _: int) -> Finding | None:
+    """A drive that twists by compliance times torque, less inertia before it times acceleration."""
+    compliance, error = float(found.sizes[0]), float(found.errors[0])
+    message = (
+        f"What rubs is behind the position by {compliance:.2g} +/- {error:.1g}{unit_of('position')} per{unit_of('torque')}, which would explain "
+        f"{100 * found.share:.0f} % of what the fit leaves: a belt, shaft or coupling between them twists. Bristle and peak take part of it "
+        "up; log the position where it rubs."
+    )
+    numbers = {"compliance": compliance, "error": error, "share": found.share}
+    return Finding("flexible-drive", CAUTION, message, numbers) if compliance > 0 else None
 
 
 def _dead_zone(largest: float, found: Score, which: int, factor: float = levels.FACTOR) -> Finding | None:
@@ -221,6 +237,20 @@ def _saturates(read: float, largest: float, found: Score, which: int) -> Finding
     )
     said = Finding("torque-saturates", CAUTION, message, {"torque": top, "share": found.share})
     return said if 1 / levels.FACTOR < missed < levels.FACTOR and read < levels.NOISE_ADDS * left else None
+
+
+def _bends(largest: float, found: Score, _: int) -> Finding | None:
+    """A torque whose reading is off by its cube, from saturation that sets in softly."""
+    by = float(found.sizes[0])
+    less, why = (
+        ("less", "sensor or drive") if by < 0 else ("more", "motor, whose torque constant falls at large currents,")
+    )
+    message = (
+        f"The torque reads ever {less} than it is the larger it is, by {100 * abs(by):.0f} % at {largest:.2g}{unit_of('torque')}, which would "
+        f"explain {100 * found.share:.0f} % of what the fit leaves: its {why} saturates. Move slower or more gently, or take that off."
+    )
+    said = Finding("torque-saturates", CAUTION, message, {"torque": largest, "by": by, "share": found.share})
+    return said if abs(by) < 1 else None  # else its sign would change
 
 
 def _inertia(kind: Kind, found: Score, _: int) -> Finding:

@@ -107,7 +107,13 @@ def decided(joint: Joint) -> Iterator[tuple[str, str]]:
     told = {"regressors": "chosen regressors", "directions": "chosen directions"}
     of_points = any(x.data == "points" for x in joint.models)  # else static fits are of moving runs, too
     if any(isinstance(fit, TrackingFit) or not of_points for fit in value_fits(joint)):
-        told |= {"scale": "chosen scale", "velocity": "chosen velocity", "torque": "chosen delay", "filters": "filters"}
+        told |= {
+            "scale": "chosen scale",
+            "position": "chosen position",
+            "velocity": "chosen velocity",
+            "torque": "chosen delay",
+            "filters": "filters",
+        }
         notes = [note for x in joint.inputs for note in x.notes]
         gaps = sum(note.numbers["gaps"] for note in notes if note.code == "gaps-bridged")
         made = [f"{gaps} gap{'s' * (gaps > 1)} bridged by the motion beside"] * bool(gaps)
