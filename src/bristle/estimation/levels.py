@@ -21,6 +21,7 @@ LEAST_FREEDOM = 4.0  # degrees of freedom: a variance of fewer is too uncertain 
 # Sizes of effects
 MATTERS = 0.01  # of friction, alpha_0, a level or a gain: a smaller effect is a note, or none
 EXPLAINS = 0.05  # of squares or of a variance: a term or parameter that explains less is not reported
+MOSTLY = 0.5  # of what a fit leaves: a cause that must be nearly all of it, and explains less, is none
 RELATED = 0.1  # of the variance of a torque: its motion explains at least as much
 POOR = 0.15  # of the measured torque: a larger pattern in what a fit leaves, and its parameters mean nothing
 FACTOR = 1.5  # ratio from which reaches of intervals, errors of fits, residuals of runs or fitted sizes differ

@@ -17,7 +17,7 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import BIC_GAIN, EARLY, LATEST_DELAY, LOWER, NO_COULOMB, SURE
+from bristle.estimation.levels import BIC_GAIN, EARLY, LATEST_DELAY, LOWER, MOSTLY, NO_COULOMB, SURE
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.comparison import APART, SYMMETRIC, Comparison
 from bristle.identification.curve import LEAST, accuracy_of, band, curve
@@ -229,7 +229,7 @@ class _Decisions:
             said = [w for w in (moving.warnings if moving else ()) if w.numbers.get("over", "position") == "position"]
             of_term = (w.numbers for w in said if w.numbers.get("term", lacks.get(w.code)) == term)
             share = max((x["share"] for x in of_term), default=0.0)
-            if fit.set_up == AS_WRITTEN or share < 1 / 2 or term in (fit.regressors or ()):
+            if fit.set_up == AS_WRITTEN or share < MOSTLY or term in (fit.regressors or ()):
                 continue
             more = with_periods(with_options(self.measured, regressors=(*(fit.regressors or ()), term)))
             if self._take(more, LOWER):
@@ -349,7 +349,7 @@ class _Decisions:
 
         def left(x: Array) -> Array:
             """What all other parameters leave at their best, (n,)."""
-            return np.asarray(refitted(twisted(*x.tolist()), alone, sides).residuals)
+            return np.asarray(refitted(twisted(*x.tolist()), alone, sides, rough=True).residuals)
 
         bounds = [0.0, 0.0], [np.inf, 1.0]
         best = least_squares(left, [1.0, 0.3], bounds=bounds, diff_step=[0.05, 0.05], ftol=1e-3, xtol=1e-2, max_nfev=12)

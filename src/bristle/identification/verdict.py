@@ -57,6 +57,9 @@ def verdict(joint: Joint) -> Verdict:
             "Coulomb friction comes out as zero: an offset, viscous friction or another term takes up what is measured, and these "
             "data do not tell them apart. Move at several speeds, both ways, or leave a term out under fit.regressors."
             if 0 in levels
+            else "It breaks away from rest, and no run slides steadily: stiffness and breakaway torque alone may be used. Move at several "
+            "speeds, both ways; faster, where it sticks and slips."
+            if joint.presliding is not None and joint.presliding.breakaway
             else "No run slides: the stiffness alone may be used. Move at several speeds, both ways."
         )
         worst = found[0] if found and found[0].severity is Severity.CRITICAL else None

@@ -159,11 +159,15 @@ def _without_counts(found: Score, made: Array) -> tuple[float, float]:
 
 def _drift(friction: float, found: Score, _: int) -> Finding:
     by = float(found.sizes[0])
-    how, why = ("grows", "cools down") if by > 0 else ("falls", "warms up")
+    how, why = (
+        ("grows", "wears, cools down or is loaded more")
+        if by > 0
+        else ("falls", "wears in, warms up or is loaded less")
+    )
     message = (
         f"The torque {how} by {100 * abs(by):.0f} % in the course of a run, all else alike, which would explain {100 * found.share:.0f} % of "
-        f"what the fit leaves: a joint that {why}, or a sensor that does. Numbers are of the middle of the run; let its temperature settle "
-        "first, or fit its parts apart."
+        f"what the fit leaves: the joint {why}, or its sensor drifts. Numbers are of the middle of the run; let it settle first, or fit its "
+        "parts apart."
     )
     numbers = {"how": how, "by": abs(by), "share": found.share}
     return Finding("torque-drifts-in-runs", CAUTION, message, numbers, {"torque": abs(by) * friction})
@@ -250,7 +254,8 @@ def _bends(largest: float, found: Score, _: int) -> Finding | None:
         f"explain {100 * found.share:.0f} % of what the fit leaves: its {why} saturates. Move slower or more gently, or take that off."
     )
     said = Finding("torque-saturates", CAUTION, message, {"torque": largest, "by": by, "share": found.share})
-    return said if abs(by) < 1 else None  # else its sign would change
+    # no reading changes its sign, and beside a law that saturates nothing else explains much
+    return said if abs(by) < 1 and found.share > levels.MOSTLY else None
 
 
 def _inertia(kind: Kind, found: Score, _: int) -> Finding:
