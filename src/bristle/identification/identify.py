@@ -352,14 +352,19 @@ class _Decisions:
             return np.asarray(refitted(twisted(*x.tolist()), alone, sides, rough=True).residuals)
 
         bounds = [0.0, 0.0], [np.inf, 1.0]
-        best = least_squares(left, [1.0, 0.3], bounds=bounds, diff_step=[0.05, 0.05], ftol=1e-3, xtol=1e-2, max_nfev=12)
+        try:
+            best = least_squares(
+                left, [1.0, 0.3], bounds=bounds, diff_step=[0.05] * 2, ftol=1e-3, xtol=1e-2, max_nfev=12
+            )
+        except InputError:  # no start under a compliance that was tried
+            return
         if self._take(twisted(*best.x.tolist()), LOWER):
             J = np.asarray(best.jac)
             spread = np.linalg.pinv(J.T @ J)[0, 0] * np.mean(best.fun**2) * inflation(best.fun)
-            of = f"{unit('position', as_logged.experiment.joint.kind)}/({effort_unit(as_logged.experiment.joint.kind)})"
+            kind = as_logged.experiment.joint.kind
             self.told["chosen position"] = (
-                f"where it rubs, behind the logged one by {best.x[0] * asked:.3g} +/- {np.sqrt(spread) * asked:.1g} {of} times the torque: a "
-                "belt, shaft or coupling twists (fit.set_up: as-written overrules)"
+                f"where it rubs, behind the logged one by {best.x[0] * asked:.3g} +/- {np.sqrt(spread) * asked:.1g} "
+                f"{unit('position', kind)} per {effort_unit(kind)}: a belt, shaft or coupling twists (fit.set_up: as-written overrules)"
             )
 
     def _on_time(self, *, again: bool = False) -> None:
