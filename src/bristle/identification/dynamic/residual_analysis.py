@@ -212,8 +212,8 @@ def _flexible(found: Score, _: int) -> Finding | None:
     compliance, error = float(found.sizes[0]), float(found.errors[0])
     message = (
         f"What rubs is behind the position by {compliance:.2g} +/- {error:.1g}{unit_of('position')} per{unit_of('torque')}, which would explain "
-        f"{100 * found.share:.0f} % of what the fit leaves: a belt, shaft or coupling between them twists. Bristle and peak take part of it "
-        "up; log the position where it rubs."
+        f"{100 * found.share:.0f} % of what the fit leaves: a belt, shaft or coupling between them twists, or has backlash. Bristle and peak "
+        "take part of it up; log the position where it rubs."
     )
     numbers = {"compliance": compliance, "error": error, "share": found.share}
     return Finding("flexible-drive", CAUTION, message, numbers) if compliance > 0 else None
