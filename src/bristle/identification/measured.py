@@ -224,14 +224,14 @@ def without_twist(measured: Measured, compliance: float, twist: float) -> Measur
     """The same with the position where moving runs rub: behind by `compliance` times torque less `twist` times acceleration, SI."""
 
     def rubs(record: Record) -> Record:
+        """A run with position, torque and motion; its motion is estimated again."""
         whole = record.fine or record
         if whole.position is None or whole.torque is None or whole.acceleration is None:
             return record
         behind = smoothed(whole, compliance * whole.torque - twist * whole.acceleration, record.cutoff)
-        velocity = (
-            None if whole.velocity_estimated or whole.velocity is None else whole.velocity - derivative(whole, behind)
-        )
-        there = replace(whole, position=whole.position - behind, velocity=velocity, velocity_estimated=False)
+        there = replace(whole, position=whole.position - behind)
+        if whole.velocity is not None and not whole.velocity_estimated:
+            there = replace(there, velocity=whole.velocity - derivative(whole, behind))
         return _refiltered(there if record.fine is None else replace(record, fine=there), record.cutoff)
 
     return replace(measured, runs=_changed(measured.runs, rubs))

@@ -87,7 +87,7 @@ def rollout(
     z = float(starts[0])
     for at, drawn, own in _chunks(velocity, step, parameters, coarsening, risen, begins):
         nodes, signs = _settled(drawn, z, starts[own], parameters)
-        a, b = advance(*nodes.steps, *_acting_over(parameters, signs, nodes))
+        a, b = advance(*nodes.steps, *_risen(_acting(parameters, signs, nodes.heading), nodes))
         a[nodes.begins - 1], b[nodes.begins - 1] = 0.0, starts[own]
         inside = scan(a, b, z)
         z_all[at] = inside[nodes.samples]
@@ -146,7 +146,7 @@ def rollout_into(
     for at, drawn, own in _chunks(velocity, step, parameters, coarsening, level, begins):
         nodes, signs = _settled(drawn, z, starts[own], parameters)
         slopes = np.empty((2 + 2 * len(names), nodes.v.size - 1))
-        advance(*nodes.steps, *_acting_over(parameters, signs, nodes), out=list(slopes))
+        advance(*nodes.steps, *_risen(_acting(parameters, signs, nodes.heading), nodes), out=list(slopes))
         slopes[:, nodes.begins - 1] = 0.0  # what a motion begins with depends on no parameter
         slopes[1, nodes.begins - 1] = starts[own]
         inside = scan(slopes[0], slopes[1], z)
@@ -207,9 +207,9 @@ def _acting(parameters: _Parameters, z: Array, v: Array) -> Sequence[float | Arr
     return evaluate(functions.active_function(parameters.law), z, v, *parameters.positive, *parameters.negative)
 
 
-def _acting_over(parameters: _Parameters, signs: Array, nodes: Nodes) -> Sequence[float | Array]:
-    """The set that acts over each step, for these signs of z, with the level of a load."""
-    return _with_level(_acting(parameters, signs, nodes.heading), None if nodes.level is None else nodes.rise[0])
+def _risen(acting: Sequence[float | Array], nodes: Nodes) -> Sequence[float | Array]:
+    """The set that acts over each step, with the level of a load."""
+    return _with_level(acting, None if nodes.level is None else nodes.rise[0])
 
 
 def _with_level(acting: Sequence[float | Array], level: Array | None) -> Sequence[float | Array]:
@@ -267,8 +267,7 @@ def _settled(nodes: Nodes, z0: float, starts: Array, parameters: _Parameters) ->
     v0, v1, h = nodes.steps
     ahead = np.sign(nodes.heading)
     sets = np.array([_acting(parameters, np.array(sign), nodes.heading) for sign in (1.0, -1.0)])  # of each sign of z
-    rise = None if nodes.level is None else nodes.rise[0]
-    above, below = (advance(v0, v1, h, *_with_level([*acting], rise)) for acting in sets)
+    above, below = (advance(v0, v1, h, *_risen([*acting], nodes)) for acting in sets)
     for a, b in (above, below):
         a[nodes.begins - 1], b[nodes.begins - 1] = 0.0, starts
     first = np.flatnonzero(np.diff(ahead, prepend=np.nan))

@@ -62,8 +62,9 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
     every = candidates(problem.velocity, problem.time, problem.position, names, kind, len(problem.directions))
 
     def ask(tell: Callable[[Score, int], Finding | None], *columns: Sequence[Array], is_friction: bool = False) -> None:
-        """Add a candidate with alternatives, each a column per motion."""
-        every.append(Candidate(tell, [_equations(motions, x)[:, None] for x in columns], is_friction=is_friction))
+        """Add a candidate with alternatives, each a column per motion, or several, (N, k)."""
+        alternatives = [_equations(motions, x).reshape(problem.size, -1) for x in columns]
+        every.append(Candidate(tell, alternatives, is_friction=is_friction))
 
     lag = [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]
     late, made = _equations(motions, lag), weight**2 * _made_by_counts(problem, solution)
@@ -81,7 +82,7 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
         ask(_backlash, *(shifted([-np.tanh(m.velocity / (width * top)) for m in motions]) for width in _WIDTHS))
         # a drive twists by its torque, but for what accelerates the inertia before that
         twists = shifted([-T for T in torque]), shifted([np.gradient(m.velocity, m.time) for m in motions])
-        every.append(Candidate(_flexible, [np.stack([_equations(motions, x) for x in twists], axis=1)]))
+        ask(_flexible, [np.stack(both, axis=1) for both in zip(*twists, strict=True)])
     if (largest := max(float(np.abs(T).max()) for T in torque)) > 0:
         ask(partial(_dead_zone, largest), *([np.clip(T / (x * largest), -1, 1) for T in torque] for x in _ZONES))
         read = float(np.quantile(np.abs(np.concatenate([m.measured for m in motions])), levels.NEARLY_ALL))
@@ -328,7 +329,7 @@ def _made_by_counts(problem: DynamicProblem, solution: MultistartSolution[Unknow
 
 
 def _equations(motions: Sequence[Motion], columns: Sequence[Array]) -> Array:
-    """A column per motion, (N,) each, as unweighted equations, (n,)."""
+    """A column per motion, (N,) or (N, k) each, as unweighted equations, (n,) or (n, k)."""
     return np.concatenate([m.smoothed(c) for m, c in zip(motions, columns, strict=True)])
 
 
