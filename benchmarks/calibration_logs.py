@@ -296,7 +296,7 @@ SIDES = ("offset-or-friction", "directions-differ", "lacks-a-term")
 DRIFT = ("friction-drifts", "drift-in-order", "torque-drifts-in-runs", "residual-trend")
 OPEN = ("open-cycles",)
 CLIPPED = ("clipped", "clipped-left-out")
-PLAY = ("backlash", "flexible-drive", "reversals-left")  # the sentence of each names backlash
+PLAY = ("backlash", "reversals-left")
 STRAYS = ("strays",)
 FAULTS: dict[str, Fault] = {
     "torque late": Fault("motion", _late, 0.005, 0.03, ("torque-delayed",)),

@@ -298,7 +298,6 @@ class Fault(NamedTuple):
 DRIFT = ("drift-in-order", "friction-drifts", "residual-trend")
 TERM = ("lacks-a-term", "lacks-unknown-term", "residual-trend")
 DELAY = ("torque-delayed",)
-PLAY = ("backlash", "flexible-drive", "reversals-left")  # the sentence of each names backlash
 LATE = ("reversals-left", "inertia-below-zero")
 WARMS = ("torque-drifts-in-runs", "friction-drifts", "residual-trend")
 RIPPLE = ("residual-ripple", "lacks-a-term")
@@ -329,7 +328,7 @@ FAULTS: dict[str, Fault] = {
     "cogging": Fault(motion, torque(lambda x, s: x.torque + s * np.sin(20 * x.q)), (0.03, 0.1), RIPPLE),
     "friction by direction": Fault(motion, by_direction, (0.1, 0.4), SIDES),
     "friction by load": Fault(motion, by_load, (0.1, 0.3), (*TERM, "friction-by-load")),
-    "backlash": Fault(motion, position(lambda x, s: x.q + s / 2 * np.tanh(x.v / 0.01)), (0.005, 0.02), PLAY),
+    "backlash": Fault(motion, position(lambda x, s: x.q + s / 2 * np.tanh(x.v / 0.01)), (0.005, 0.02), ("backlash", "reversals-left")),
     "position of 8, 10 bits": Fault(motion, position(lambda x, s: counted(x.q, s)), (10, 8), COARSE),
     "counts as rad": Fault(motion, position(lambda x, s: np.round(x.q * 2**s / (2 * np.pi))), (14, 18), (*COARSE, "encoder counts")),
     "degrees as rad, velocity logged": Fault(motion, lambda x, s: replace(x, q=s * x.q, velocity_logged=True), (180 / np.pi, 1000.0), SPEED),
