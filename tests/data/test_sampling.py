@@ -285,16 +285,19 @@ def test_slow_loading_at_any_rate_is_presliding() -> None:
     assert Stretches(held=5, loaded=26, broken=0, moving=17, total=48, speeds=speeds).kind == "tracking"
     assert Stretches(held=6, loaded=20, broken=0, moving=1, total=27, speeds=(0.3, -0.3)).kind == "presliding"
     few = Stretches(held=10, loaded=0, broken=0, moving=5, total=16, speeds=speeds)
-    more = Stretches(held=12, loaded=0, broken=0, moving=3, total=16, speeds=(0.05, 0.8, 1.6, -0.8))
+    more = Stretches(held=12, loaded=0, broken=0, moving=3, total=16, speeds=(*speeds, 0.8))
     single = Stretches(held=3, loaded=0, broken=0, moving=1.5, total=5, speeds=(0.1,))
     assert [kinds_of([("a.csv", x)]) for x in (few, more, single)] == [["tracking"], ["ramp"], ["ramp"]]
     assert kinds_of([("a.csv", few), ("b.csv", more)]) == ["tracking", "tracking"]
+    # so is one that holds fewer velocities than a curve has numbers, but for a single speed
+    two, pair = replace(more, speeds=(0.1, 0.4, -0.1, -0.4)), replace(more, speeds=(0.3, -0.3))
+    assert [kinds_of([("a.csv", x)]) for x in (two, pair)] == [["tracking"], ["ramp"]]
     # logs whose names differ in numbers alone are what most of them are: one that sticks and slips does not leave its series
     steady = Stretches(held=9, loaded=0, broken=0, moving=1, total=10, speeds=(0.5,))
     sticks = Stretches(held=0, loaded=0, broken=0, moving=10, total=10)
     logs = [("v_0.01.csv", sticks), ("v_0.1.csv", steady), ("v_0.5.csv", steady), ("swing.csv", sticks)]
     assert kinds_of(logs) == ["ramp", "ramp", "ramp", "tracking"]
-    several = Stretches(held=9, loaded=0, broken=0, moving=1, total=10, speeds=(0.1, 0.2, 0.5))
+    several = Stretches(held=9, loaded=0, broken=0, moving=1, total=10, speeds=(*speeds, 0.8))
     slow = Stretches(held=0, loaded=10, broken=0, moving=0, total=10)
     for of, kinds in (
         ([slow, several, several], ["presliding", "ramp", "ramp"]),

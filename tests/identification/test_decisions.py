@@ -3,6 +3,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import bristle
 from bristle.arrays import Array
@@ -134,6 +135,38 @@ def test_a_drive_that_twists_is_taken_off_the_position(tmp_path: Path) -> None:
         told = joint.settings.get("chosen position", "by 0 +/-").split("by ")[1].split()[0]
         assert float(told) == pytest.approx(compliance, rel=0.01)
         near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+
+
+def test_a_velocity_alone_that_an_observer_made_late(tmp_path: Path) -> None:
+    """Its time constant within a twentieth, and friction as without it; a true one has none."""
+    t, _, v, a = sines(500.0, 30.0, [(0.4, 0.13, 0.2), (0.3, 0.31, 1.0), (0.15, 0.71, 2.0)])
+    torque = bristle.simulate(v, 1 / 500, TRUTH) + INERTIA * a + white(t.size, 0.01)
+    for lag in (0.0, 0.02):
+        fading = np.exp(-1 / (500 * lag)) if lag else 0.0
+        seen = lfilter([1 - fading], [1, -fading], v) + white(t.size, 1e-4, 1)
+        joint = drafted(written(tmp_path / "log.csv", t=t, dq=seen, tau=torque))
+        told = joint.settings.get("chosen velocity", "constant of 0 s").split("constant of ")[1].split()[0]
+        assert float(told) == pytest.approx(lag, rel=0.05)
+        near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+
+
+@pytest.mark.slow
+def test_moves_from_point_to_point(tmp_path: Path) -> None:
+    """Two speeds each way, others in each: one friction for both, and its curve, after rests that an encoder sees within counts."""
+    speeds = np.tile([1.5, -0.2, 0.6, -0.05], 4)
+    moves = [
+        np.repeat([0.0, x], [100, int(250 * far / abs(x))])
+        for x, far in zip(speeds, np.linspace(0.6, 0.3, 16), strict=True)
+    ]
+    v = np.convolve(np.concatenate(moves), np.full(20, 0.05), "same")
+    t = np.arange(v.size) / 250
+    torque = bristle.simulate(v, 1 / 250, TRUTH) + INERTIA * np.gradient(v, t) + white(t.size, 0.01)
+    q = np.round(np.cumsum(v) / 250 * COUNTS) / COUNTS
+    joint = drafted(written(tmp_path / "log.csv", t=t, q=q, tau=torque))
+    assert verdict(joint).trust is Trust.USE
+    shown = np.geomspace(0.05, 1.5, 20)
+    true = TRUTH.alpha_0 + TRUTH.alpha_1 * np.exp(-((shown / TRUTH.v_s) ** 2)) + TRUTH.alpha_2 * shown
+    assert known_curve(joint, shown)[0] == pytest.approx(true, rel=0.01)
 
 
 def test_means_stand_for_a_log_that_is_sampled_fast(tmp_path: Path) -> None:

@@ -174,6 +174,26 @@ def without_rests(record: Record) -> Record:
     return _kept(record, long, Finding("rests-left-out", NOTE, "in which the joint rests are left out"))
 
 
+def with_rests(record: Record) -> Record:
+    """The record with the times at which its position has come to rest within a count and its low pass has rung out."""
+    from scipy.ndimage import maximum_filter1d, minimum_filter1d
+
+    from bristle.data.encoder import smallest_step
+
+    if record.position is None or not record.cutoff or not (count := smallest_step(record.position)):
+        return record
+    rings, rests = int(np.ceil(levels.FILTERED / (record.cutoff * record.step))), list[float]()
+    shortest = levels.RESTS * rings
+    for part in between_gaps(record):
+        q, last = record.position[part], 0
+        rest = maximum_filter1d(q, shortest) - minimum_filter1d(q, shortest) < levels.REST_COUNTS * count
+        for at in (np.flatnonzero(np.diff(rest, prepend=False) & rest) - shortest // 2 + rings).tolist():
+            if at > 0 and min(np.ptp(q[last:at]), np.ptp(q[at:])) > levels.MOVED_COUNTS * count:
+                rests.append(float(record.time[part.start + at]))
+                last = at
+    return replace(record, rests=tuple(rests))
+
+
 def let_go(record: Record) -> Record:
     """The record of a coasting joint from where it is let go to where it stops: a hand that holds it is friction, too.
 

@@ -40,6 +40,7 @@ class Record:
     oversampled: float = 1.0  # how many times as fast as the slowest moving run of its experiment it was sampled
     starts: tuple[int, ...] = (0,)
     """First sample of each segment between gaps, across which nothing is differentiated, filtered or simulated."""
+    rests: tuple[float, ...] = ()  # times at which the joint has come to rest, s
     rows: int = 0  # rows in the file
     dropped: int = 0  # rows of the file that are not in the record
     sha256: str = ""  # digest of the file's bytes

@@ -117,8 +117,8 @@ def kinds_of(found: Sequence[tuple[str, Stretches]]) -> list[MovingKind]:
     """The experiment of each file: slow loading where it is nothing else, else that of most files with alike names.
 
     A motion among constant velocities is one of them that sticks and slips only where each of these is one velocity.
-    Constant velocities are ramps where there is hardly anything else; else such a run is a tracking one, which uses
-    what lies between them too.
+    Constant velocities are ramps where there is hardly anything else, and more of them than a curve has numbers; else
+    such a run is a tracking one, which uses what lies between them too.
     """
     families = defaultdict[str, list[Stretches]](list)
     names = [re.sub(r"\d+(\.\d+)?", "#", PurePath(file).name) for file, _ in found]
@@ -130,7 +130,14 @@ def kinds_of(found: Sequence[tuple[str, Stretches]]) -> list[MovingKind]:
         most = max(own, key=own.count)
         series = most != "ramp" or all(len(x.speeds) == 1 for x in families[name] if x.kind == "ramp")
         kinds.append(most if not does.is_loaded and 2 * own.count(most) > len(own) and series else does.kind)
-    if all(does.steadily for kind, (_, does) in zip(kinds, found, strict=True) if kind == does.kind == "ramp"):
+    ramps = [does for kind, (_, does) in zip(kinds, found, strict=True) if kind == does.kind == "ramp"]
+    speeds = np.sort([v for does in ramps for v in does.speeds])
+    others = 1 + np.count_nonzero(np.diff(speeds) > levels.SAME_SPEED * np.abs(speeds[1:]))
+    one = all(
+        np.abs(does.speeds).max() <= levels.ONE_SPEED * np.abs(does.speeds).min() for does in ramps if does.speeds
+    )
+    enough = one or others >= levels.CURVE_SPEEDS
+    if enough and all(does.steadily for does in ramps):
         return kinds
     return ["tracking" if kind == "ramp" else kind for kind in kinds]
 

@@ -70,6 +70,8 @@ PER_BANDWIDTH, PER_CUTOFF = 16.0, 0.7  # equations per second over the bandwidth
 BELOW_NYQUIST, LONG_SEGMENT = 0.8, 10.0  # of that frequency: a cut-off lowered to it; its periods, least, beside a rest
 STILL, LET_GO = 0.02, 0.1  # of the fastest speed or largest travel: less is rest; of that: a hand may hold the joint
 STILL_PERIODS, STILL_SECONDS = 5, 3.0  # periods of a cut-off, s, in which a joint at rest stays: at a slow turn fewer
+RESTS, REST_COUNTS = 3, 2.1  # of what the low pass takes to ring out: the shortest rest; counts that it stays within
+MOVED_COUNTS = 20  # counts from one rest to the next
 JOINT_RESTS = 1e-3  # rad or m: a joint that goes no further rests
 
 # A fit, and the choice of its model
@@ -105,6 +107,7 @@ RESOLVED = 5  # samples while a motion passes the bristle's deflection: fewer do
 # Constant velocities
 HOLDS, LOADS = 0.79, 0.7  # shares of motion, of loading: with less a run tells more as a tracking run
 LOADS_ALONE = 0.9  # share of loading from which a run needs no other runs
+CURVE_SPEEDS, SAME_SPEED = 7, 0.1  # velocities of points, two more than a curve has numbers; nearer ones are one
 HELD_SPEEDS = 4  # speeds held in all: points of fewer tell hardly more than a level
 PLATEAU_BLOCKS = 6  # blocks in a plateau: enough to tell a drift from noise
 SHORT_PLATEAU = 0.25  # of the typical plateau: what is shorter in time and in travel is a piece of something else
@@ -129,6 +132,7 @@ STRAIGHT = 2.0  # of a hold's largest distance from its line: so straight a way 
 
 # Moving runs
 AT_REST = 0.01  # of the total way: less in a direction is rest
+OFTEN = 0.03  # of a direction's motion: speeds, alike to a quarter, at which it is compared with the other's
 SWING = 0.1  # rad: over less, gravity cannot be told from a spring and a constant
 ONE_RATE = 1.05  # ratio of sampling intervals that counts as one
 SLOW_PASSES, SLOW_SHARE = 0.3, 0.5  # of a slow torque: most passes of its mean a cut-off period (noise 1.15), share

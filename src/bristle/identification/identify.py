@@ -1,6 +1,6 @@
 """Identification of a joint from its measured runs."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any
@@ -17,7 +17,8 @@ from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import BIC_GAIN, EARLY, LATEST_DELAY, LOWER, MOSTLY, NO_COULOMB, SURE
+from bristle.estimation.information import power_of
+from bristle.estimation.levels import BIC_GAIN, EARLY, LATEST_DELAY, LOWER, MOSTLY, NO_COULOMB, OFTEN, SURE
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.comparison import APART, SYMMETRIC, Comparison
 from bristle.identification.curve import LEAST, accuracy_of, band, curve
@@ -41,9 +42,10 @@ from bristle.identification.measured import (
     with_slopes,
     with_wider_low_pass,
     without_delay,
+    without_lag,
     without_twist,
 )
-from bristle.identification.model_selection import bic_of_directions, compare_models, refitted
+from bristle.identification.model_selection import Refitted, bic_of_directions, compare_models, refitted
 from bristle.identification.moving_runs import (
     DIRECTIONS,
     directions,
@@ -69,6 +71,7 @@ from bristle.progress import Progress, step
 
 _WIDER = (1.6, 2.5, 4.0)  # factors on the low pass
 _SHIFTS = 6  # most corrections of a delay, each of first order
+_LONGEST = 4.0  # times the delay that fits best: the longest time constant
 _ROUNDS = 4  # most corrections of holds for settling
 _CHOICES = 2  # choices of a law by moving runs: the load, then peak and terms
 _OF_MOVING_RUNS = Finding("of-moving-runs", NOTE, "the moving runs")
@@ -146,15 +149,11 @@ class _Decisions:
         joint = replace(joint, models=models, laws=self.laws, settings=settings, warnings=warnings)
         return replace(joint, accuracy=accuracy_of(joint, measured, other)).with_subjects()
 
-    def _again(self, measured: Measured, near: TrackingFit | Values | None = None) -> Joint:
-        """The joint fitted again, moving runs from their last minimum or from `near`."""
-        return self._identified(measured, self.joint.tracking if near is None else near)
-
-    def _take(self, measured: Measured, most: float = np.inf) -> bool:
-        """Fit again; keep it if the moving runs' residuals are at most `most` times as large. Whether it was kept."""
-        if most < np.inf and self._left_on(measured) > most:
+    def _take(self, measured: Measured, most: float = np.inf, *, afresh: bool = False) -> bool:
+        """Fit again, `afresh` with all starts; keep it if moving residuals are at most `most` times as large. Whether it was kept."""
+        if most < np.inf and not afresh and self._left_on(measured) > most:
             return False
-        again, before = self._again(measured), self.joint.moving
+        again, before = self._identified(measured, None if afresh else self.joint.tracking), self.joint.moving
         if most < np.inf and (before is None or again.moving is None or again.moving.rms > most * before.rms):
             return False
         self.measured, self.joint = measured, again
@@ -244,24 +243,26 @@ class _Decisions:
         if joint.tracking is None:
             self.bic = {}
             return
+        v, both = _common_speeds(joint.tracking.velocity), moved_in(measured.moving(hold_out=False))
+        if len(both) == len(DIRECTIONS) and not v.size:
+            self.bic = {SYMMETRIC: 0.0, APART: np.nan}
+            return
         compared = partial(bic_of_directions, measured, joint.tracking)
         bic, ended = compared()
         self.bic = bic
         if not bic or bic[APART] >= bic[SYMMETRIC] - BIC_GAIN:
             return
         sided = _with_directions(measured, "separate")
-        each = self._again(sided, ended)
+        each = self._identified(sided, ended)
         self.bic = bic = compared(each.tracking)[0]
         if (fit := each.moving) is not None:
-            # nan where the directions differ by a constant, or within their bands: the BIC then improves at reversals alone
+            # nan where the directions differ by a constant, or within their bands where both move: the BIC then improves at reversals alone
             # infinite where one of them has no friction
-            speed, within = np.abs(fit.velocity), [(fit.values(d), d) for d in DIRECTIONS]
-            top = min(float((sign * fit.velocity).max()) for sign in DIRECTIONS.values())  # that both directions reach
-            v = speed[(speed > LEAST * speed.max()) & (speed <= top)]
-            both = [(curve(v, p.stribeck), band(v, fit, d)) for p, d in within if p is not None]
-            bands = [half for _, half in both if half is not None]
+            within = [(fit.values(d), d) for d in DIRECTIONS]
+            curves = [(curve(v, p.stribeck), band(v, fit, d)) for p, d in within if p is not None]
+            bands = [half for _, half in curves if half is not None]
             alike = len(bands) == len(DIRECTIONS) and bool(
-                np.linalg.norm(both[0][0] - both[1][0]) < np.linalg.norm(np.hypot(*bands))
+                np.linalg.norm(curves[0][0] - curves[1][0]) < np.linalg.norm(np.hypot(*bands))
             )
             if alike or any(w.code == "offset-or-friction" for w in fit.warnings):
                 bic[APART] = np.nan
@@ -333,32 +334,20 @@ class _Decisions:
 
     def _flexible(self) -> None:
         """Take the position where it rubs, behind a drive that twists, where residuals fall by a tenth."""
-        from scipy.optimize import least_squares
-
         as_logged, alone, moving = self.measured, self.joint.tracking, self.joint.moving
         found = (w.numbers for w in (moving.warnings if moving else ()) if w.code == "flexible-drive")
         asked = next((float(x["compliance"]) for x in found), 0.0)
         if not asked or alone is None or as_logged.experiment.fit.set_up == AS_WRITTEN:
             return
-        sides, given = directions(as_logged.experiment, as_logged.moving(hold_out=False)), as_logged.experiment.inertia
+        given = as_logged.experiment.inertia
         inertia = alone.known.get(INERTIA, 0.0 if given is None else given.value)
 
         def twisted(compliance: float, before: float) -> Measured:
             """The same for this compliance, over the one asked for, and this share of the inertia before what twists."""
-            return without_twist(as_logged, compliance * asked, compliance * asked * before * inertia)
+            return without_twist(as_logged, compliance * asked, inertia, before)
 
-        def left(x: Array) -> Array:
-            """What all other parameters leave at their best, (n,)."""
-            return np.asarray(refitted(twisted(*x.tolist()), alone, sides, rough=True).residuals)
-
-        bounds = [0.0, 0.0], [np.inf, 1.0]
-        try:
-            best = least_squares(
-                left, [1.0, 0.3], bounds=bounds, diff_step=[0.05] * 2, ftol=1e-3, xtol=1e-2, max_nfev=12
-            )
-        except InputError:  # no start under a compliance that was tried
-            return
-        if self._take(twisted(*best.x.tolist()), LOWER):
+        best = self._least(twisted, [1.0, 0.3], [np.inf, 1.0])
+        if best is not None and self._take(twisted(*best.x.tolist()), LOWER, afresh=True):
             J = np.asarray(best.jac)
             spread = np.linalg.pinv(J.T @ J)[0, 0] * np.mean(best.fun**2) * inflation(best.fun)
             kind = as_logged.experiment.joint.kind
@@ -366,6 +355,38 @@ class _Decisions:
                 f"where it rubs, behind the logged one by {best.x[0] * asked:.3g} +/- {np.sqrt(spread) * asked:.1g} "
                 f"{unit('position', kind)} per {effort_unit(kind)}: a belt, shaft or coupling twists (fit.set_up: as-written overrules)"
             )
+
+    def _least(self, changed: Callable[..., Measured], start: Sequence[float], most: Sequence[float]) -> Any:
+        """Numbers, up to some, by which changed records leave least, all parameters at their best; None without a start."""
+        from scipy.optimize import least_squares
+
+        alone, experiment = self.joint.tracking, self.measured.experiment
+        if alone is None:
+            return None
+        sides = directions(experiment, self.measured.moving(hold_out=False))
+
+        ends = list[Refitted]()  # ever better ones, from which the next begins
+
+        def left(x: Array) -> Array:
+            """What all other parameters leave at their best, (n,)."""
+            near = ends[-1].values if ends else None
+            end = refitted(changed(*x.tolist()), alone, sides, near=near, rough=True)
+            if not ends or power_of(end.residuals) < power_of(ends[-1].residuals):
+                ends.append(end)
+            return end.residuals
+
+        try:
+            return least_squares(
+                left,
+                start,
+                bounds=([0.0] * len(start), most),
+                diff_step=[0.01] * len(start),
+                ftol=1e-3,
+                xtol=1e-2,
+                max_nfev=12,
+            )
+        except InputError:  # no start under numbers that were tried
+            return None
 
     def _on_time(self, *, again: bool = False) -> None:
         """Take off a delay of the torque where residuals fall by a tenth; of commands wherever they do not grow."""
@@ -388,6 +409,8 @@ class _Decisions:
             if not self._take(without_delay(as_logged, late + more), 1.0 if late or source in COMMANDS else LOWER):
                 break
             late, moving = late + more, self.joint.moving or moving
+        if late < 0 and source not in COMMANDS and self._lagging(as_logged, -late):
+            return
         error = moving.late[1]
         if late or (source in COMMANDS and np.isfinite(error)):  # its error is one of the torque
             self._take(without_delay(as_logged, late, error, final=True))
@@ -400,6 +423,19 @@ class _Decisions:
             self.told["chosen delay"] = (
                 f"logged {abs(self.late):.3g} s {how}, which is taken off (signals.torque.delay overrules)"
             )
+
+    def _lagging(self, as_logged: Measured, late: float) -> bool:
+        """Take a velocity that is logged alone, `late` s behind, as it was before a time constant where that leaves a tenth less."""
+        if any(r.position is not None for r in as_logged.moving(hold_out=False)):
+            return False
+        best = self._least(lambda times: without_lag(as_logged, times * late), [1.0], [_LONGEST])
+        if best is None or not self._take(without_lag(as_logged, best.x[0] * late), LOWER, afresh=True):
+            return False
+        self.told["chosen velocity"] = (
+            f"logged behind the joint's with a time constant of {best.x[0] * late:.3g} s, which is taken off "
+            "(fit.set_up: as-written overrules)"
+        )
+        return True
 
     def _of_commands(self, late: float, error: float) -> None:
         """Report the delay of a drive that acts `late` s before its command, with its standard error, s."""
@@ -502,12 +538,22 @@ def _with_directions(measured: Measured, directions: str) -> Measured:
     return with_options(measured, directions=directions, regressors=(*(x for x in asked if x != "offset"), *about))
 
 
+def _common_speeds(velocity: Array) -> Array:
+    """Of velocities, (n,), the speeds at which both directions move often, each a quarter around it."""
+    speed, often = np.abs(velocity), []
+    moves, near = speed > LEAST * speed.max(), np.round(10 * np.log10(np.maximum(speed, 1e-300)))
+    for sign in DIRECTIONS.values():
+        own, count = np.unique(near[moves & (sign * velocity > 0)], return_counts=True)
+        often.append(own[count > OFTEN * count.sum()])
+    return np.asarray(speed[moves & np.isin(near, np.intersect1d(*often))])
+
+
 def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     """The sentence on the chosen directions."""
     more = bic[APART] - bic[SYMMETRIC]
     took, left = ("each its own friction", "one for both") if apart else ("the same friction both ways", "one for each")
     if np.isnan(more):
-        return "the same friction both ways; one for each differs by a constant, as an offset, or by nothing (fit.directions overrules)"
+        return "the same friction both ways; one for each differs by a constant, or by nothing where both move (fit.directions overrules)"
     if not np.isfinite(more):
         return f"{took}, for {left} would leave a direction without friction, or drive it (fit.directions overrules)"
     higher = -more if apart else more

@@ -220,21 +220,40 @@ def with_wider_low_pass(measured: Measured, factor: float) -> Measured:
     return replace(measured, runs=_changed(measured.runs, lambda r: _refiltered(r, usable(r, factor * r.cutoff))))
 
 
-def without_twist(measured: Measured, compliance: float, twist: float) -> Measured:
-    """The same with the position where moving runs rub: behind by `compliance` times torque less `twist` times acceleration, SI."""
+def without_twist(measured: Measured, compliance: float, inertia: float, before: float) -> Measured:
+    """The same with the position where moving runs rub, of an inertia with a share before what twists, all SI.
+
+    It is behind by `compliance` times the torque less that share's; the acceleration is the mean of both inertias.
+    """
 
     def rubs(record: Record) -> Record:
         """A run with position, torque and motion; its motion is estimated again."""
         whole = record.fine or record
         if whole.position is None or whole.torque is None or whole.acceleration is None:
             return record
-        behind = smoothed(whole, compliance * whole.torque - twist * whole.acceleration, record.cutoff)
+        behind = compliance * smoothed(whole, whole.torque - before * inertia * whole.acceleration, record.cutoff)
         there = replace(whole, position=whole.position - behind)
         if whole.velocity is not None and not whole.velocity_estimated:
             there = replace(there, velocity=whole.velocity - derivative(whole, behind))
-        return _refiltered(there if record.fine is None else replace(record, fine=there), record.cutoff)
+        moved = _refiltered(there, record.cutoff)
+        both = np.asarray(moved.acceleration) + before * derivative(whole, behind, 2)
+        return with_motion(record, replace(moved, acceleration=both))
 
     return replace(measured, runs=_changed(measured.runs, rubs))
+
+
+def without_lag(measured: Measured, lag: float) -> Measured:
+    """The same with a logged velocity that follows the true one with a time constant, s, as of an observer."""
+
+    def true(record: Record) -> Record:
+        """A run with velocity and acceleration; the latter is estimated again."""
+        whole = record.fine or record
+        if whole.velocity is None or whole.acceleration is None:
+            return record
+        there = replace(whole, velocity=whole.velocity + lag * whole.acceleration)
+        return _refiltered(there if record.fine is None else replace(record, fine=there), record.cutoff)
+
+    return replace(measured, runs=_changed(measured.runs, true))
 
 
 def without_delay(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:

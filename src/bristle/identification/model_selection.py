@@ -16,7 +16,7 @@ from bristle.estimation.information import bic, power_of
 from bristle.estimation.levels import DEPENDENT
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.comparison import APART, SYMMETRIC, Comparison, Data, Fitted, rows_of
-from bristle.identification.dynamic.descent import carried, fit, with_deflections
+from bristle.identification.dynamic.descent import carried, fit, with_deflections, without_deflections
 from bristle.identification.dynamic.problem import Values, dynamic_problem
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.measured import Measured
@@ -105,18 +105,24 @@ class Refitted(NamedTuple):
 
 
 def refitted(
-    measured: Measured, alone: TrackingFit, sides: tuple[str, ...], worth: float = 0.0, *, rough: bool = False
+    measured: Measured,
+    alone: TrackingFit,
+    sides: tuple[str, ...],
+    worth: float = 0.0,
+    *,
+    near: Values | None = None,
+    rough: bool = False,
 ) -> Refitted:
-    """LuGre in other directions, or on other records, from `alone` to steps worth less than `worth` of BIC."""
+    """LuGre in other directions, or on other records, from `alone`, or `near`, to steps worth less than `worth` of BIC."""
     experiment = measured.experiment
     asked, (fixed, _) = asked_regressors(experiment, sides), inertia(experiment)
     records, law = measured.moving(hold_out=False), experiment.fit.friction
     whole = dynamic_problem(records, sides, asked, experiment.fit.every, fixed, law=law)
     # given values are held in other directions too
     given = {name.name for name in alone.known} - {name.name for name in alone.names if name in alone.known}
-    known = carried(whole, alone.known)
+    known = carried(whole, {**alone.known, **without_deflections(near or {})})
     problem = replace(whole, fixed={name: x for name, x in known.items() if name.name in given})
-    start = {name: x for name, x in carried(problem, alone.known).items() if name not in problem.fixed}
+    start = {name: x for name, x in known.items() if name not in problem.fixed}
     enough = worth * alone.rms**2 * inflation(alone.residuals) if worth else 0.0
     problem = problem.rough() if rough else problem
     values, minimum = fit(problem, with_deflections(problem, start), _STEPS, enough)

@@ -294,14 +294,14 @@ def from_current(k_t: float, unit: str) -> Finding:
 def _complete(experiment: Experiment, kind: schema.RunKind, record: Record, drive: str | None) -> Record:
     """The record with torque and, but for points, velocity, for tracking acceleration, and the low pass that its kind needs."""
     from bristle.data.bandwidth import of_held_speeds, of_motion, of_slow_loading, without_noisy_velocity
-    from bristle.data.differentiation import estimate_motion, let_go, without_rests
+    from bristle.data.differentiation import estimate_motion, let_go, with_rests, without_rests
     from bristle.model.motor import drive_torque
 
     fit, motor = experiment.fit, experiment.motor
     if kind == "tracking":
         record = record if experiment.coasting is None else let_go(record)
         record = record if fit.set_up == schema.AS_WRITTEN else without_noisy_velocity(record)
-        record = without_rests(estimate_motion(record, fit.position_cutoff or of_motion))
+        record = with_rests(without_rests(estimate_motion(record, fit.position_cutoff or of_motion)))
         if experiment.coasting is not None:
             record = coasted(record, experiment.coasting, experiment.context)
     elif record.velocity is None:

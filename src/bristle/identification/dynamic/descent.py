@@ -104,7 +104,7 @@ def least_squares(problem: DynamicProblem, at: Values) -> LeastSquares[Unknown]:
 def _evaluation(problem: DynamicProblem, unknowns: Unknowns[Unknown]) -> Evaluate:
     """Residuals with priors, and their Jacobian, as functions of the scaled unknowns."""
     k = len(problem.names) - len(problem.motions)
-    weight = problem.weight if any(m.weight != 1 for m in problem.motions) else None
+    weight = problem.weight if any((m.weight != 1).any() for m in problem.motions) else None
 
     def evaluate(x: Array) -> tuple[Array, Array]:
         """Residuals, (n,), and Jacobian, (n, k + 1); one infinite residual on overflow."""

@@ -15,6 +15,7 @@ from bristle.control.plant import quantise
 from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
 from bristle.data.sampling import with_motion
+from bristle.data.torque_checks import at_limits
 from bristle.estimation.levels import BIAS_UNSURE, MUCH_WORSE
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.claims import warned, without_weak
@@ -61,11 +62,10 @@ def without_count_bias(
             position, phase = np.asarray(r.position), rng.uniform()
             position = np.asarray(quantise(position + phase * count, count)).ravel() if count else position
             bare = replace(r, position=position, velocity=None, acceleration=None)
-            counted.append(replace(with_motion(record, estimate_motion(bare, r.cutoff)), torque=torque))
-        posed = pose(counted, solved.problem.fixed)
-        pairs = zip(posed.motions, solved.problem.motions, strict=True)
-        motions = tuple(replace(m, weight=fitted.weight) for m, fitted in pairs)
-        problem = replace(posed, motions=motions, priors=priors, sigma=solved.problem.sigma).rough()
+            there = with_motion(record, estimate_motion(bare, r.cutoff))
+            counted.append(replace(there, torque=torque, filled=at_limits(record)))  # the same equations
+        posed = pose(counted, solved.problem.fixed).with_weights(solved.problem.weight)
+        problem = replace(posed, priors=priors, sigma=solved.problem.sigma).rough()
         values, moved = fit(problem, solved.values, _STEPS, enough)
         ratio = float(np.sqrt(moved.cost / max(minimum.cost, 1e-300)))
         if count and ratio > MUCH_WORSE:

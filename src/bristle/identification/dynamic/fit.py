@@ -6,6 +6,7 @@ from math import sqrt
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
@@ -134,22 +135,14 @@ def _settled(
     dropped, shown = dict[ParameterName, Finding](), dict[ParameterName, str]()
     if not problem.is_rough:  # all of it over means of samples, then the whole problem once
         rough, found, dropped, shown = _settled(problem.rough(), start, others, progress, search=search)
-        pairs = zip(problem.motions, rough.motions, strict=True)
-        motions = tuple(replace(m, weight=other.weight) for m, other in pairs)
-        problem = replace(problem, fixed=rough.fixed, motions=motions)
+        problem = replace(problem, fixed=rough.fixed).with_weights(rough.weight)
         solution = solve_dynamic(problem, {}, [found.values], search=False)._replace(
             starts=found.starts, reached=found.reached
         )
         return problem, solution, dropped, shown
     solution = solve_dynamic(problem, start, others, progress, search=search)
-    # weights for runs with different scatter
-    _, run = np.unique([m.file for m in problem.motions], return_inverse=True)
-    by_run = np.repeat(run, [m.size for m in problem.motions])
-    scatter = np.sqrt(np.bincount(by_run, equations_left(problem, solution) ** 2) / np.bincount(by_run))
-    if scatter.max() > levels.FACTOR * scatter.min():
-        weights = (float(np.sqrt(np.mean(scatter**2))) / np.maximum(scatter, 1e-6 * scatter.max())).tolist()
-        motions = tuple(replace(m, weight=weights[k]) for m, k in zip(problem.motions, run, strict=True))
-        problem = replace(problem, motions=motions)
+    if ((weight := _weights(problem, solution)) != 1).any():
+        problem = problem.with_weights(weight)
         solution = solve_dynamic(problem, without_deflections(solution.values), progress=progress, search=search)
     while more := _not_shown(problem, solution, shown):
         held = {name: value for name, (value, _) in more.items()}
@@ -179,6 +172,28 @@ def _settled(
         problem, solution = without, rest
         dropped |= {name: why for name, (_, why) in more.items()}
     return problem, solution, dropped, shown
+
+
+def _weights(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> Array:
+    """Factor on each equation, (n,), of runs that scatter differently, and of counts that bend a bristle at reversals and rests."""
+    _, run = np.unique(problem.file, return_inverse=True)
+    squares, turns, weight = equations_left(problem, solution) ** 2, problem.turns, np.ones(run.size)
+
+    def scatter(of: NDArray[np.bool_]) -> Array:
+        """Of some equations, by run; 0 where it has none of them."""
+        return np.asarray(np.sqrt(np.bincount(run, squares * of) / np.maximum(np.bincount(run, of), 1)))
+
+    every, slides = scatter(turns | ~turns), scatter(~turns)
+    if every.max() > levels.FACTOR * every.min():
+        weight *= (float(np.sqrt(np.mean(every**2))) / np.maximum(every, 1e-6 * every.max()))[run]
+    # a bristle that is bent by a count more or less, unless it passes g0 within one, as far as residuals show it
+    sets = sets_of(problem, solution.values).values()
+    bent = max((p.sigma_0 for p in sets if p.sigma_0 * problem.count < p.alpha_0 + p.alpha_1), default=0.0)
+    seen = np.minimum(scatter(turns), np.hypot(slides, bent * problem.count / np.sqrt(12)))
+    counted = turns & ((seen > levels.FACTOR * slides) & (slides > 0))[run]
+    if min(counted.sum(), (~turns).sum()) >= levels.ENOUGH:
+        weight[counted] *= (slides / np.maximum(seen, 1e-300))[run][counted]
+    return weight
 
 
 def _not_shown(

@@ -9,12 +9,14 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.ndimage import minimum_filter1d
 
 from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError
+from bristle.estimation.levels import TURNING, TURNING_BESIDE
 from bristle.identification.load_levels import Load, levels_of, load_of
 from bristle.identification.moving_runs import DIRECTIONS, decimator, extra_columns, given_by, known_torque
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -48,7 +50,7 @@ class Motion:
     torque: Array  # Measured, less a fixed inertia's, N*m, (N,)
     extra: Array  # Columns of the extra regressors, (N, k)
     smooth: sparse.csr_array | None  # The decimation filter, (n, N), or None
-    weight: float = 1.0  # Factor on its residuals
+    weight: Array = field(default_factory=lambda: np.ones(1))  # Factor on each residual, (n,) or (1,)
     measured: Array  # Measured torque, N*m, (N,)
     position: Array = field(default_factory=lambda: np.zeros(0))  # rad, (N,), or empty
     coarsening: float = 1.0  # As in `rollout`
@@ -73,7 +75,7 @@ class Motion:
 
     def weighted(self, values: Array) -> Array:
         """`smoothed`, times the weight."""
-        return self.weight * self.smoothed(values)
+        return (self.weight * self.smoothed(values).T).T
 
     def rough(self) -> "Motion":
         """Means of samples away from reversals, five an equation or more, and fewer nodes: residuals are the same to 1 %."""
@@ -190,7 +192,19 @@ class DynamicProblem:
     @property
     def weight(self) -> Array:
         """Factor on each residual, (n,)."""
-        return np.repeat([m.weight for m in self.motions], [m.size for m in self.motions])
+        return np.concatenate([np.broadcast_to(m.weight, m.size) for m in self.motions])
+
+    def with_weights(self, weight: Array) -> "DynamicProblem":
+        """The same with this factor on each residual, (n,)."""
+        parts = np.split(weight, self.starts[1:])
+        return replace(self, motions=tuple(replace(m, weight=w) for m, w in zip(self.motions, parts, strict=True)))
+
+    @property
+    def turns(self) -> NDArray[np.bool_]:
+        """Equations at a reversal or at rest, and their neighbours, (n,)."""
+        speed = np.abs(self.velocity)
+        slowest = minimum_filter1d(speed, 2 * TURNING_BESIDE + 1)
+        return np.asarray(slowest < TURNING * np.sqrt(np.mean(speed**2)))
 
     @property
     def measured(self) -> Array:
@@ -251,14 +265,12 @@ def dynamic_problem(
                 f"{record.file}: at rest throughout; a tracking run needs motion in both directions, slow and fast"
             )
         known, clipped = known_torque(record, inertia, regressors), at_limits(record)
-        for part in between_gaps(record):
-            smooth, _ = decimator([np.array([part.stop - part.start])], spacing, record.file, clipped[part])
+        for part, smooth in _segments(record, spacing, clipped):
             motions.append(
                 Motion(
                     file=record.file, time=record.time[part] - record.time[0], velocity=record.velocity[part],
                     torque=(record.torque if known is None else record.torque - known)[part], extra=columns[part],
-                    smooth=None if smooth.shape == (part.stop - part.start,) * 2 else smooth,
-                    measured=record.torque[part],
+                    smooth=smooth, measured=record.torque[part],
                     position=np.zeros(0) if record.position is None else record.position[part],
                     shifts={name: shift[part] for name, shift in record.torque_shifts.items()},
                     load=None if load is None else load.through(itemgetter(part)),
@@ -273,6 +285,21 @@ def dynamic_problem(
         extra_names=tuple(ParameterName(name, Direction.SHARED) for name in names), fixed={**fastest, **(fixed or {})},
         law=law, given=given_by(records),
     )  # fmt: skip  # a list of values
+
+
+def _segments(
+    record: Record, spacing: int, clipped: NDArray[np.bool_]
+) -> Iterator[tuple[slice, sparse.csr_array | None]]:
+    """Segments between gaps, and from rest to rest, each with the decimation filter of the equations centred on it."""
+    for part in between_gaps(record):
+        n = part.stop - part.start
+        smooth, _ = decimator([np.array([n])], spacing, record.file, clipped[part])
+        centre, rests = smooth @ np.arange(n), np.searchsorted(record.time[part], record.rests)
+        with_equations = np.unique(np.searchsorted(rests, centre, side="right"))
+        for start, stop in pairwise([0, *rests[with_equations[1:] - 1].tolist(), n]):
+            rows = smooth[(start <= centre) & (centre < stop)][:, start:stop]
+            within = sparse.csr_array(sparse.diags_array(1 / rows.sum(axis=1)) @ rows)
+            yield slice(part.start + start, part.start + stop), None if smooth.shape == (n, n) else within
 
 
 def sets_of(problem: DynamicProblem, values: Values) -> dict[Direction, Lugre[float]]:

@@ -21,12 +21,13 @@ from bristle.identification.candidates import candidates
 from bristle.identification.dynamic.claims import BRISTLE, jacobian_and_residuals
 from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, sets_of
 from bristle.identification.moving_runs import load_columns
-from bristle.model.parameters import INERTIA, Kind, ParameterName, of_friction, unit
+from bristle.model.parameters import INERTIA, Kind, ParameterName, of_friction, peak_parameters, unit
 
 _LEAST = 1e-100  # of sigma_0: no division by zero
 _WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, to pass the backlash
 _ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone
 _TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: where a sensor or drive saturates
+_BEFORE = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the inertia: before what twists
 _SMALL = 1e-5  # of the way: a shift of the position with a proportional torque
 _PHASE = 0.37  # of a count: the rest position of a simulated counting
 
@@ -35,7 +36,7 @@ class ResidualAnalysis(NamedTuple):
     """Analysis of a fit's residuals."""
 
     findings: list[Finding]
-    errors: Array  # Scaled standard errors, (p,), with the effect of what was found; the bristle's widened by reversals
+    errors: Array  # Scaled standard errors, (p,), with the effect of what was found; of bristle and peak widened by reversals
     friction: float = np.nan  # Of the model, rms, N*m
     late: tuple[float, float] = (0.0, np.inf)  # Delay of the logged torque and its standard error, s
 
@@ -80,9 +81,14 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
     if problem.cutoff and all(m.position.size for m in motions):
         shifted, top = partial(_shifted, problem, solution.values, torque), problem.fastest
         ask(_backlash, *(shifted([-np.tanh(m.velocity / (width * top)) for m in motions]) for width in _WIDTHS))
-        # a drive twists by its torque, but for what accelerates the inertia before that
-        twists = shifted([-T for T in torque]), shifted([np.gradient(m.velocity, m.time) for m in motions])
-        ask(_flexible, [np.stack(both, axis=1) for both in zip(*twists, strict=True)])
+        # a drive twists by its torque less what accelerates a share of the inertia before that
+        inertia, twists = values.get(INERTIA, 0.0), list[list[Array]]()
+        for share in _BEFORE:
+            behind = [
+                share * inertia * np.gradient(m.velocity, m.time) - T for T, m in zip(torque, motions, strict=True)
+            ]
+            twists.append(shifted(behind, 1 - share))
+        ask(_flexible, *twists)
     if (largest := max(float(np.abs(T).max()) for T in torque)) > 0:
         ask(partial(_dead_zone, largest), *([np.clip(T / (x * largest), -1, 1) for T in torque] for x in _ZONES))
         read = float(np.quantile(np.abs(np.concatenate([m.measured for m in motions])), levels.NEARLY_ALL))
@@ -90,12 +96,11 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
         ask(partial(_saturates, read, largest), *above)
         ask(partial(_bends, largest), [T * (T / largest) ** 2 for T in torque])
     lacks = explained(fit, every)
-    # a bristle that is bent by a count more or less, as at a reversal
-    counted = max((p.sigma_0 for p in sets_of(problem, values).values()), default=0.0) * problem.count / np.sqrt(12)
-    patterns = pattern_left(problem, lacks.left / weight, counted)
+    patterns = pattern_left(problem, lacks.left)
     errors[seen] = lacks.errors
     worse = next((float(f.numbers["ratio"]) for f in patterns if f.code == "reversals-left"), 1.0)
-    errors[[isinstance(n, ParameterName) and n.name in BRISTLE for n in solution.names]] *= worse
+    slow = (*BRISTLE, *peak_parameters(problem.law))
+    errors[[isinstance(n, ParameterName) and n.name in slow for n in solution.names]] *= worse
     late_by = _without_counts(scores(known, rest, [private.off((weight * late)[:, None])])[0], made)
     return ResidualAnalysis([*lacks.findings, *patterns], errors, size, late_by)
 
@@ -184,14 +189,16 @@ def _by_load(law: str, found: Score, _: int) -> Finding:
     return Finding("friction-by-load", CAUTION, message, {"by": by, "error": error, "share": found.share, "law": law})
 
 
-def _shifted(problem: DynamicProblem, values: Values, torque: Sequence[Array], behind: Sequence[Array]) -> list[Array]:
-    """Change of the torque where what rubs is behind the logged position by so much, rad, (N,) of each motion."""
+def _shifted(
+    problem: DynamicProblem, values: Values, torque: Sequence[Array], behind: Sequence[Array], share: float = 1.0
+) -> list[Array]:
+    """Change of the torque where what rubs, and a share of the inertia, is behind the logged position by so much, rad, (N,) of each motion."""
     way, size = (max(float(np.ptp(x)) for x in each) for each in ([m.position for m in problem.motions], behind))
     small, motions = _SMALL * way / max(size, 1e-300), []
     for m, by in zip(problem.motions, behind, strict=True):
         record = Record(file=m.file, time=m.time)
         off = small * smoothed(record, by, usable(record, problem.cutoff))
-        inert = np.array([name == INERTIA for name in problem.extra_names], dtype=np.float64)
+        inert = share * np.array([name == INERTIA for name in problem.extra_names], dtype=np.float64)
         extra = m.extra + derivative(record, off, 2)[:, None] * inert
         motions.append(replace(m, velocity=m.velocity + derivative(record, off, 1), extra=extra))
     moved = modelled(replace(problem, motions=tuple(motions)), values)
@@ -209,7 +216,7 @@ def _backlash(found: Score, _: int) -> Finding:
 
 
 def _flexible(found: Score, _: int) -> Finding | None:
-    """A drive that twists by compliance times torque, less inertia before it times acceleration."""
+    """A drive that twists by compliance times the torque behind the inertia before it."""
     compliance, error = float(found.sizes[0]), float(found.errors[0])
     message = (
         f"What rubs is behind the position by {compliance:.2g} +/- {error:.1g}{unit_of('position')} per{unit_of('torque')}, which would explain "
@@ -268,13 +275,8 @@ def _inertia(kind: Kind, found: Score, _: int) -> Finding:
     return Finding("inertia-doubted", CAUTION, message, {"more": more, "error": error, "unit": of})
 
 
-def pattern_left(problem: DynamicProblem, rows: Array, counted: float = 0.0) -> list[Finding]:
-    """A finding on residuals, (n,), that are a pattern, large at reversals, or concentrated in few equations.
-
-    At reversals encoder counts make residuals of `counted`, N*m, rms, which are no pattern.
-    """
-    from scipy.ndimage import minimum_filter1d
-
+def pattern_left(problem: DynamicProblem, rows: Array) -> list[Finding]:
+    """A finding on weighted residuals, (n,), that are a pattern, large at reversals, or concentrated in few equations."""
     correlation = lag_one(rows)
     if correlation > levels.CORRELATED:
         message = (
@@ -283,9 +285,7 @@ def pattern_left(problem: DynamicProblem, rows: Array, counted: float = 0.0) -> 
             "position or temperature leaves such patterns."
         )
         return [Finding("lacks-unknown-term", CAUTION, message, {"lag_one": correlation})]
-    squares, speed = rows**2, np.abs(problem.velocity)
-    turns = minimum_filter1d(speed, 2 * levels.TURNING_BESIDE + 1) < levels.TURNING * np.sqrt(np.mean(speed**2))
-    squares[turns] /= 1 + counted**2 / max(float(np.mean(squares, where=~turns)) if not turns.all() else 0.0, 1e-300)
+    squares, turns = rows**2, problem.turns
     total, few = float(squares.sum()), round(levels.BURST_IN * rows.size)
     if rows.size < levels.PATTERN_EQUATIONS or not total > 0 or rows.size < levels.INDEPENDENT * inflation(rows):
         return []
