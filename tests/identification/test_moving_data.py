@@ -30,7 +30,7 @@ from .conftest import curve, experiment_file, fitted, holds, moved, posed, tones
 
 STRONG = Lugre(0.02, 0.03, 0.04, 0.15, 1.0, 0.0)
 INERTIA = 0.004
-NARROW = 3.0  # hz: a low pass that takes of the motion what it does at its reversals
+NARROW = 2.5  # hz: a low pass that takes of the motion what it does at its reversals
 
 
 def moving(seed: int = 0, starts: tuple[int, ...] = (0,), noise: float = 2e-4) -> Record:
@@ -202,7 +202,7 @@ def test_a_low_pass_that_takes_motion_is_widened(monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr(bandwidth, "of_motion", lambda _: (NARROW, why))
     widened = bristle.fit_dynamic(t, q, T, directions="symmetric")
     asked = bristle.fit_dynamic(t, q, T, directions="symmetric", position_cutoff=f"{NARROW} Hz")
-    assert f"{4 * NARROW:.3g} Hz" in widened.joint.settings["filters"]
+    assert f"{6.3 * NARROW:.3g} Hz" in widened.joint.settings["filters"]
     off = [abs(fit.params["alpha_0"] / law.alpha_0 - 1) for fit in (usual, widened, asked)]
     assert max(off[:2]) < 0.001, off
     assert off[2] > 0.01, off

@@ -48,8 +48,9 @@ def test_six_joints_that_move_together(measured_data: Path) -> None:
     """The static law with the links' torque, fitted on 12 harmonics, predicts the motion of 8 harmonics within the error that is asked for."""
     # the constants of joints 1 to 4 are within 20 % of the published; those of 5 and 6 are not identifiable, and their
     # friction is in A. With the columns and gravity as they are no joint has a critical finding. Wrist 2, in A: beside
-    # LuGre the links' torque is told, which the static law hides, and its fit predicts the other motion within 11 %; at
-    # 100 Hz sigma_0 and sigma_1 are not identifiable, and say why; Coulomb friction is. So it is of the elbow
+    # LuGre the links' torque is told, which the static law hides, and its fit, through a low pass that is widened, predicts the
+    # other motion within 7 %; at 100 Hz sigma_1 is not identifiable, nor sigma_0 forwards, and say why; Coulomb friction
+    # is. So it is of the elbow, and of both its bristles
     joints = {m.experiment.joint.name: m for m in measure_robot(robot(measured_data))}
     errors = {}
     for name, measured in joints.items():
@@ -69,9 +70,9 @@ def test_six_joints_that_move_together(measured_data: Path) -> None:
     assert wrist.tracking is not None
     told = {str(name): e for name, e in wrist.tracking.parameters.items()}
     assert told["links"].value is not None
-    assert wrist.tracking.hold_out[0].relative_error <= 11
-    assert all(told[f"{name}{d}"].value is None for name in ("sigma_0", "sigma_1") for d in "+-")
-    assert all(told[f"{name}{d}"].warnings for name in ("sigma_0", "sigma_1") for d in "+-")
+    assert wrist.tracking.hold_out[0].relative_error <= 7
+    unseen = [told[name] for name in ("sigma_0+", "sigma_1+", "sigma_1-")]
+    assert all(e.value is None and e.warnings for e in unseen)
     assert all(told[f"alpha_0{d}"].value is not None for d in "+-")
     elbow = identify_joint(joints["elbow_joint"])
     assert elbow.torque_constant == constants["elbow_joint"]

@@ -163,8 +163,8 @@ def _dead_zone(record: Record, _: RunKind, piled: float = levels.PILED) -> Findi
     share = float(zero.mean())
     message = (
         f"The torque of {record.file}{OTHER_FILES} is exactly zero in {100 * share:.1f} % of the samples, wherever it changes "
-        "its sign: its sensor or drive has a dead zone. What is cut off is missing from alpha_0, and reversals look softer; "
-        "switch it off, or add it to the torque."
+        "its sign: its sensor or drive has a dead zone, and reversals look softer. Switch it off; where it is taken off larger "
+        "values too, alpha_0 lacks it: add it to the torque."
     )
     return Finding("dead-zone", CRITICAL, message, {"files": (record.file,), "share": share}, {"torque": np.inf})
 

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from bristle.arrays import Array
-from bristle.estimation.levels import FEW, NOISE, POOR
+from bristle.estimation.levels import FEW, LINE_WIDTH, NOISE, POOR
 from bristle.findings import CRITICAL, NOTE, Finding
 
 _WINDOW = 5.0  # Sokal's c: the sum ends at c integrated autocorrelation times
@@ -54,6 +54,16 @@ def inflation(x: Array, along: Array | None = None) -> float:
     return float(np.clip(whole * (1 + (2 * cut + 1) / n), 1.0, n))
 
 
+def spectral_line(x: Array, step: float) -> tuple[float, float]:
+    """Frequency, Hz, of the largest line of a signal, (n,), with a sample each `step`, s, and the share of its power."""
+    from scipy.signal import periodogram
+
+    f, power = periodogram(x, 1 / step, window="hann")
+    line = float(f[np.argmax(power)])
+    near = np.abs(f - line) <= max(LINE_WIDTH * line, 3 * float(f[1]))
+    return line, float(power[near].sum() / max(power.sum(), 1e-300))
+
+
 def standard_error(x: Array) -> float | None:
     """Standard error of the mean of correlated x; None of fewer than two independent samples."""
     tau = inflation(x)
@@ -67,15 +77,22 @@ def correlated(residuals: Array, widened: float) -> Finding:
     return Finding("correlated", NOTE, message, {"lag_one": lag, "widened": widened})
 
 
+def pattern_of(residuals: Array) -> float:
+    """Sum of squares of residuals, (n,), beyond noise, which is half the mean square of successive differences (von Neumann, 1941)."""
+    n = residuals.size
+    noise = float(np.sum(np.diff(residuals) ** 2)) / 2 * n / max(n - 1, 1)
+    return max(float(residuals @ residuals) - noise, 0.0)
+
+
 def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:
     """A finding where residuals, (n,), in order of time or velocity, hold a pattern larger than `POOR` of the `norm`.
 
-    Noise is half the mean square of successive differences (von Neumann, 1941). None of fewer than eight equations.
+    None of fewer than eight equations.
     """
     if residuals.size < FEW or not norm > 0:
         return ()
     power, n = float(residuals @ residuals), residuals.size
-    noise = min(float(np.sum(np.diff(residuals) ** 2)) / 2 * n / (n - 1), power)
+    noise = power - pattern_of(residuals)
     if power - noise <= max((POOR * norm) ** 2, NOISE / np.sqrt(n) * power):
         return ()
     error, of_noise = 100 * np.sqrt(power) / norm, 100 * np.sqrt(noise) / norm

@@ -21,6 +21,7 @@ LEAST_FREEDOM = 4.0  # degrees of freedom: a variance of fewer is too uncertain 
 # Sizes of effects
 MATTERS = 0.01  # of friction, alpha_0, a level or a gain: a smaller effect is a note, or none
 EXPLAINS = 0.05  # of squares or of a variance: a term or parameter that explains less is not reported
+LINE_WIDTH, MOST_WAVES = 0.05, 0.1  # of a line's frequency: its half width; waves an equation: slower is no vibration
 MOSTLY = 0.5  # of what a fit leaves: a cause that must be nearly all of it, and explains less, is none
 RELATED = 0.1  # of the variance of a torque: its motion explains at least as much
 POOR = 0.15  # of the measured torque: a larger pattern in what a fit leaves, and its parameters mean nothing
@@ -93,6 +94,7 @@ LATEST_DELAY = 0.05  # s, of a log; a larger one stands for another term, such a
 BIAS_UNSURE, NAMED_ERRORS = 0.5, 0.1  # standard errors: a bias by counts is corrected; smaller effects are not named
 # Of a curve: 93 % of clean ones lie within. Set on one half of the simulated joints of benchmarks/calibration.py
 BIASED = 1.5  # times what the errors tell: filters, counts, settling and the choice of a set-up bend a curve too
+PATTERN = 0.5  # of a pattern that a fit of a motion leaves: curves behind belts, or of strokes of 20 mrad, are off by half of it to all
 
 # Least numbers
 FEW, ENOUGH = 8, 20  # blocks, points, equations, levels, count edges: fewer tell nothing; below the second, not much

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,10 +16,10 @@ from bristle.data.experiment.schema import AS_WRITTEN, GONE
 from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.autocorrelation import inflation, spectral_line
 from bristle.estimation.covariance import student
 from bristle.estimation.information import power_of
-from bristle.estimation.levels import BIC_GAIN, EARLY, LATEST_DELAY, LOWER, MOSTLY, NO_COULOMB, OFTEN, SURE
+from bristle.estimation.levels import BIC_GAIN, EARLY, LATEST_DELAY, LOWER, MOST_WAVES, MOSTLY, NO_COULOMB, OFTEN, SURE
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.comparison import APART, SYMMETRIC, Comparison
 from bristle.identification.curve import LEAST, accuracy_of, band, curve
@@ -69,8 +70,9 @@ from bristle.model.laws.registry import AUTO, PAPER
 from bristle.model.parameters import INERTIA, Direction, ParameterName, effort_unit, has_own_unit, slides, unit
 from bristle.progress import Progress, step
 
-_WIDER = (1.6, 2.5, 4.0)  # factors on the low pass
+_WIDER = (1.6, 2.5, 4.0, 6.3)  # factors on the low pass
 _SHIFTS = 6  # most corrections of a delay, each of first order
+_OFF_LINE = 1.5  # equations per period of a vibration: their filter takes it off
 _LONGEST = 4.0  # times the delay that fits best: the longest time constant
 _ROUNDS = 4  # most corrections of holds for settling
 _CHOICES = 2  # choices of a law by moving runs: the load, then peak and terms
@@ -111,7 +113,9 @@ class _Decisions:
         if (noisy := next((note for note in notes if note.code == "velocity-noisy"), None)) is not None:
             self.told["chosen velocity"] = noisy.message
         self._velocity()
+        self._vibration()
         self._terms()
+        self._low_pass()
         self._flexible()
         self._on_time()
         if (scale := next((w for w in self.measured.findings if w.code == "scale-by-gravity"), None)) is not None:
@@ -303,9 +307,10 @@ class _Decisions:
         found, most = None, self._clearly_lower()
         for factor in _WIDER:
             wide = with_wider_low_pass(self.measured, factor)
-            if not self._left_on(wide) <= most:
+            if self._left_on(wide) <= most:
+                found, most = wide, 1.0  # then as wide as leaves no more than the narrow one
+            elif found is not None:
                 break
-            found, most = wide, 1.0  # then as wide as leaves no more than the narrow one
         if found is not None:
             self._take(found)
 
@@ -331,6 +336,21 @@ class _Decisions:
             if self.measured.experiment.fit.load and self.joint.tracking is not None:
                 laws, ends = laws_of_motion(self.measured, self.joint.tracking, every=True)
                 self.laws = laws or self.laws
+
+    def _vibration(self) -> None:
+        """Filter a vibration out of the torque, where one is most of what the fit leaves: a force that is not logged shakes the joint."""
+        fit, alone = self.measured.experiment.fit, self.joint.tracking
+        if alone is None or "decimation" in fit.model_fields_set or fit.set_up == AS_WRITTEN:
+            return
+        longest = max(pairwise([*alone.starts_of_runs, alone.residuals.size]), key=lambda x: x[1] - x[0])
+        part = slice(*longest)
+        step = float(np.median(np.diff(alone.time[part])))
+        line, share = spectral_line(alone.residuals[part], step)
+        if share > MOSTLY and line * step > MOST_WAVES:
+            self._take(with_options(self.measured, decimation=int(np.ceil(fit.every / (_OFF_LINE * line * step)))))
+            self.told["chosen vibration"] = (
+                f"near {line:.2g} Hz, or an alias of it, {100 * share:.0f} % of what the fit left, is filtered out (fit.decimation overrules)"
+            )
 
     def _flexible(self) -> None:
         """Take the position where it rubs, behind a drive that twists, where residuals fall by a tenth."""

@@ -33,9 +33,9 @@ _BY_WEIGHT = (
     "v-s-unknowable static-too-few too-few-points indistinct strays stages-do-not-fit not-positive "
     "no-torque-constant acts-early feedback-unknown commands-at-once per-inertia one-speed-only "
     "stick-slip position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
-    "other-law friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
+    "other-law lost-samples friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
     "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed delay-or-presliding "
-    "torque-drifts-in-runs friction-by-load clipped lost-samples position-jumps "
+    "torque-drifts-in-runs friction-by-load clipped position-jumps "
     "position-held sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start"
 )
 WEIGHTIEST_FIRST = {code: place for place, code in enumerate(_BY_WEIGHT.split())}

@@ -112,6 +112,7 @@ def decided(joint: Joint) -> Iterator[tuple[str, str]]:
             "position": "chosen position",
             "velocity": "chosen velocity",
             "torque": "chosen delay",
+            "vibration": "chosen vibration",
             "filters": "filters",
         }
         notes = [note for x in joint.inputs for note in x.notes]
