@@ -150,6 +150,21 @@ def test_a_velocity_alone_that_an_observer_made_late(tmp_path: Path) -> None:
         near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
 
 
+def test_a_vibration_that_no_signal_has_is_filtered_out(tmp_path: Path) -> None:
+    """A force of 0.5 N*m that shakes the joint: its line is named, no delay is, and friction is as without it."""
+    t, q, v, a = sines(500.0, 30.0, [(0.4, 0.13, 0.2), (0.3, 0.31, 1.0), (0.15, 0.71, 2.0)])
+    for shaken in (0.0, 0.5):
+        w = 2 * np.pi * 11
+        off, dv = (-shaken / INERTIA / w**2 * np.sin(w * t), -shaken / INERTIA / w * np.cos(w * t))
+        torque = (
+            bristle.simulate(v + dv, 1 / 500, TRUTH) + INERTIA * a + white(t.size, 0.01)
+        )  # the force accelerates the rest
+        joint = drafted(written(tmp_path / "log.csv", t=t, q=np.round((q + off) * COUNTS) / COUNTS, tau=torque))
+        assert "chosen delay" not in joint.settings
+        assert joint.settings.get("chosen vibration", "").startswith("near 11 Hz") == (shaken > 0)
+        near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+
+
 @pytest.mark.slow
 def test_moves_from_point_to_point(tmp_path: Path) -> None:
     """Two speeds each way, others in each: one friction for both, and its curve, after rests that an encoder sees within counts."""

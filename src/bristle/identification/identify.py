@@ -72,7 +72,10 @@ from bristle.progress import Progress, step
 
 _WIDER = (1.6, 2.5, 4.0, 6.3)  # factors on the low pass
 _SHIFTS = 6  # most corrections of a delay, each of first order
-_OFF_LINE = 1.5  # equations per period of a vibration: their filter takes it off
+_OFF_LINE, _SLOWER = (
+    1.5,
+    1.25,
+)  # equations per period of a vibration, whose filter takes it off; fewer by this at the least
 _LONGEST = 4.0  # times the delay that fits best: the longest time constant
 _ROUNDS = 4  # most corrections of holds for settling
 _CHOICES = 2  # choices of a law by moving runs: the load, then peak and terms
@@ -347,9 +350,16 @@ class _Decisions:
         step = float(np.median(np.diff(alone.time[part])))
         line, share = spectral_line(alone.residuals[part], step)
         if share > MOSTLY and line * step > MOST_WAVES:
-            self._take(with_options(self.measured, decimation=int(np.ceil(fit.every / (_OFF_LINE * line * step)))))
+            # the motion has it, and not its alias
+            record = self.measured.moving(hold_out=False)[0]
+            shaken = np.abs(np.fft.rfft(np.asarray(record.velocity) * np.hanning(record.time.size)))
+            per_hz, last = record.step * record.time.size, shaken.size - 1
+            at = max((line, 1 / step - line), key=lambda f: shaken[min(round(f * per_hz), last)])
+            slower = max(_SLOWER, 1 / (_OFF_LINE * at * step))
+            self._take(with_options(self.measured, decimation=int(np.ceil(slower * fit.every))))
             self.told["chosen vibration"] = (
-                f"near {line:.2g} Hz, or an alias of it, {100 * share:.0f} % of what the fit left, is filtered out (fit.decimation overrules)"
+                f"near {at:.2g} Hz, by a force that is not logged, was {100 * share:.0f} % of what the fit left, and is filtered out "
+                "(fit.decimation overrules)"
             )
 
     def _flexible(self) -> None:
