@@ -76,6 +76,7 @@ _OFF_LINE, _SLOWER = (
     1.5,
     1.25,
 )  # equations per period of a vibration, whose filter takes it off; fewer by this at the least
+_OVERTONE = 0.1  # of the frequency of a sine: nearer to a multiple of it is the shape of its friction
 _LONGEST = 4.0  # times the delay that fits best: the longest time constant
 _ROUNDS = 4  # most corrections of holds for settling
 _CHOICES = 2  # choices of a law by moving runs: the load, then peak and terms
@@ -116,8 +117,8 @@ class _Decisions:
         if (noisy := next((note for note in notes if note.code == "velocity-noisy"), None)) is not None:
             self.told["chosen velocity"] = noisy.message
         self._velocity()
-        self._vibration()
         self._terms()
+        self._vibration()
         self._low_pass()
         self._flexible()
         self._on_time()
@@ -348,8 +349,9 @@ class _Decisions:
         longest = max(pairwise([*alone.starts_of_runs, alone.residuals.size]), key=lambda x: x[1] - x[0])
         part = slice(*longest)
         step = float(np.median(np.diff(alone.time[part])))
-        line, share = spectral_line(alone.residuals[part], step)
-        if share > MOSTLY and line * step > MOST_WAVES:
+        (line, share), (tone, single) = (spectral_line(x[part], step) for x in (alone.residuals, alone.velocity))
+        overtone = single > MOSTLY and tone > 0 and abs(line / tone - round(line / tone)) < _OVERTONE
+        if share > MOSTLY and line * step > MOST_WAVES and not overtone:
             # the motion has it, and not its alias
             record = self.measured.moving(hold_out=False)[0]
             shaken = np.abs(np.fft.rfft(np.asarray(record.velocity) * np.hanning(record.time.size)))
