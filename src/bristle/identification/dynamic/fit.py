@@ -263,7 +263,7 @@ def estimates_of(
         beside |= {name for name in mine if abs(moved.get(name, 0.0)) > errors.get(name, np.inf)}
     estimates = warned(estimates, dict.fromkeys(beside, TAKES_UP_PEAK))
     J = estimates.get(INERTIA)
-    if J is not None and J.interval is not None and J.interval[1] < 0:
+    if J is not None and J.value is not None and J.interval is not None and J.value < 0:
         # rms change of friction without it, to first order
         (known, _, _), seen = jacobian_and_residuals(problem, solution), solution.scaled_errors < np.inf
         names = [name for name, is_seen in zip(solution.names, seen, strict=True) if is_seen]
@@ -271,12 +271,14 @@ def estimates_of(
         made = known[:, at] * solution.minimum.x[: seen.size][seen][at]
         known[:, at] = 0.0
         changed = known[:, of] @ moved_by(known, made)[of] / problem.weight
-        if (share := float(np.sqrt(np.mean(changed**2))) / left.friction) < levels.MATTERS:
+        share, high = float(np.sqrt(np.mean(changed**2))) / left.friction, J.interval[1]
+        if high >= 0 or share < levels.MATTERS:
             message = (
                 f"Not identifiable from this motion: it comes out at {J.value:.2g} {J.unit}, and none is below zero; without it friction "
                 f"would change by {100 * share:.1g} %."
             )
-            estimates = warned(estimates, {INERTIA: Finding("unseen-inertia", NOTE, message, {"share": share})})
+            bounded = {**estimates, INERTIA: replace(J, interval=(0.0, high) if high > 0 else None)}
+            estimates = warned(bounded, {INERTIA: Finding("unseen-inertia", NOTE, message, {"share": share})})
     return without_weak(problem, estimates)
 
 
