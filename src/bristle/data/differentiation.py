@@ -175,7 +175,7 @@ def without_rests(record: Record) -> Record:
 
 
 def with_rests(record: Record) -> Record:
-    """The record with the times at which its position has come to rest within a count and its low pass has rung out."""
+    """The record with the times at which its position has come to rest, within two counts, and its low pass has rung out."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
     from bristle.data.encoder import smallest_step
@@ -186,9 +186,11 @@ def with_rests(record: Record) -> Record:
     shortest = levels.RESTS * rings
     for part in between_gaps(record):
         q, last = record.position[part], 0
+        high, low = (f.accumulate(q[::-1])[::-1] for f in (np.maximum, np.minimum))
+        moves = high - low > levels.MOVED_COUNTS * count  # from there on
         rest = maximum_filter1d(q, shortest) - minimum_filter1d(q, shortest) < levels.REST_COUNTS * count
         for at in (np.flatnonzero(np.diff(rest, prepend=False) & rest) - shortest // 2 + rings).tolist():
-            if at > 0 and min(np.ptp(q[last:at]), np.ptp(q[at:])) > levels.MOVED_COUNTS * count:
+            if at > 0 and moves[at] and np.ptp(q[last:at]) > levels.MOVED_COUNTS * count:
                 rests.append(float(record.time[part.start + at]))
                 last = at
     return replace(record, rests=tuple(rests))
