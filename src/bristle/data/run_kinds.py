@@ -92,7 +92,10 @@ def stretches(record: Record, joint: JointKind) -> Stretches:
             stop = stop + int(np.argmax(far)) if far.any() else n
         spans.append((start, stop))
     loaded = _union(spans, n) & ~steady
-    if not _is_spring(record, loaded):
+    # a joint that goes further than any bristle bends slides: with no breakaway, or with several, it sticks and slips
+    far = record.position is not None and np.ptp(record.position) > levels.LARGEST_BEND[joint]
+    slips = far and not 0 < sum(x.breakaway is not None for x in loadings) < levels.SEVERAL
+    if slips or not _is_spring(record, loaded):
         loadings, loaded = [], np.zeros(n, dtype=bool)
     velocity = np.zeros(n) if record.velocity is None else record.velocity
     short = min(np.diff([*record.starts, n])) < 2
