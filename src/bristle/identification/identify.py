@@ -120,17 +120,17 @@ class _Decisions:
         self._terms()
         self._vibration()
         self._low_pass()
+        filtered = self.measured
         self._flexible()
         self._on_time()
+        if self.measured is not filtered:
+            self._low_pass()
+            self._on_time(again=True)
         if (scale := next((w for w in self.measured.findings if w.code == "scale-by-gravity"), None)) is not None:
             self.told["chosen scale"] = scale.message
         of_motion = auto and not self.bic
         if of_motion:
             self._sides()
-        narrow = self.measured
-        self._low_pass()
-        if self.measured is not narrow:
-            self._on_time(again=True)
         if self.laws is None and self.joint.tracking is not None:
             step(self.progress, "comparing friction laws")
             before = self.measured.experiment.fit.law
