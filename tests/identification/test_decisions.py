@@ -12,6 +12,7 @@ from bristle.data.record import Record
 from bristle.findings import NOTE, Finding
 from bristle.identification.curve import LEAST, known_curve, slowest_shown
 from bristle.identification.fits import Estimate, TrackingFit
+from bristle.identification.measured import with_decimation
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.parameters import Direction, Lugre, ParameterName
@@ -163,6 +164,12 @@ def test_a_vibration_that_no_signal_has_is_filtered_out(tmp_path: Path) -> None:
         assert "chosen delay" not in joint.settings
         assert joint.settings.get("chosen vibration", "").startswith("near 11 Hz") == (shaken > 0)
         near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+    # stretches between gaps that are too short for the filter of more samples an equation are left out, unless all of a run's are
+    kept = (np.arange(t.size) + 700) % 2500 < 1300
+    measured = bristle.fit_dynamic(t[kept], (q + off)[kept], torque[kept], directions="symmetric").measured
+    (before,), (after,) = (m.moving(hold_out=False) for m in (measured, present(with_decimation(measured, 20))))
+    assert before.time.size - after.time.size == 600 + 700
+    assert with_decimation(measured, 40) is None
 
 
 @pytest.mark.slow

@@ -135,12 +135,10 @@ def kinds_of(found: Sequence[tuple[str, Stretches]]) -> list[MovingKind]:
         kinds.append(most if not does.is_loaded and 2 * own.count(most) > len(own) and series else does.kind)
     ramps = [does for kind, (_, does) in zip(kinds, found, strict=True) if kind == does.kind == "ramp"]
     speeds = np.sort([v for does in ramps for v in does.speeds])
-    others = 1 + np.count_nonzero(np.diff(speeds) > levels.SAME_SPEED * np.abs(speeds[1:]))
-    one = all(
-        np.abs(does.speeds).max() <= levels.ONE_SPEED * np.abs(does.speeds).min() for does in ramps if does.speeds
-    )
-    enough = one or others >= levels.CURVE_SPEEDS
-    if enough and all(does.steadily for does in ramps):
+    different = 1 + np.count_nonzero(np.diff(speeds) > levels.SAME_SPEED * np.abs(speeds[1:]))
+    sizes = [np.abs(does.speeds) for does in ramps if does.speeds]
+    single = all(x.max() <= levels.ONE_SPEED * x.min() for x in sizes)  # in each file
+    if (single or different >= levels.CURVE_SPEEDS) and all(does.steadily for does in ramps):
         return kinds
     return ["tracking" if kind == "ramp" else kind for kind in kinds]
 

@@ -91,11 +91,10 @@ def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:
     """
     if residuals.size < FEW or not norm > 0:
         return ()
-    power, n = float(residuals @ residuals), residuals.size
-    noise = power - pattern_of(residuals)
-    if power - noise <= max((POOR * norm) ** 2, NOISE / np.sqrt(n) * power):
+    power, pattern = float(residuals @ residuals), pattern_of(residuals)
+    if pattern <= max((POOR * norm) ** 2, NOISE / np.sqrt(residuals.size) * power):
         return ()
-    error, of_noise = 100 * np.sqrt(power) / norm, 100 * np.sqrt(noise) / norm
+    error, of_noise = 100 * np.sqrt(power) / norm, 100 * np.sqrt(power - pattern) / norm
     message = (
         f"The relative error is {error:.2g} %, of which noise accounts for {of_noise:.2g} %: the model does not describe these data, so do not use "
         "its parameters."

@@ -39,6 +39,7 @@ from bristle.identification.law_comparison import (
 from bristle.identification.measured import (
     Measured,
     nothing_to_fit,
+    with_decimation,
     with_options,
     with_slopes,
     with_wider_low_pass,
@@ -72,10 +73,8 @@ from bristle.progress import Progress, step
 
 _WIDER = (1.6, 2.5, 4.0, 6.3)  # factors on the low pass
 _SHIFTS = 6  # most corrections of a delay, each of first order
-_OFF_LINE, _SLOWER = (
-    1.5,
-    1.25,
-)  # equations per period of a vibration, whose filter takes it off; fewer by this at the least
+_OFF_LINE = 1.5  # equations per period of a vibration: their filter takes it off
+_SLOWER = 1.25  # times as many samples an equation, at the least, against one
 _OVERTONE = 0.1  # of the frequency of a sine: nearer to a multiple of it is the shape of its friction
 _LONGEST = 4.0  # times the delay that fits best: the longest time constant
 _ROUNDS = 4  # most corrections of holds for settling
@@ -343,6 +342,8 @@ class _Decisions:
 
     def _vibration(self) -> None:
         """Filter a vibration out of the torque, where one is most of what the fit leaves: a force that is not logged shakes the joint."""
+        from scipy.signal import periodogram
+
         fit, alone = self.measured.experiment.fit, self.joint.tracking
         if alone is None or "decimation" in fit.model_fields_set or fit.set_up == AS_WRITTEN:
             return
@@ -354,11 +355,12 @@ class _Decisions:
         if share > MOSTLY and line * step > MOST_WAVES and not overtone:
             # the motion has it, and not its alias
             record = self.measured.moving(hold_out=False)[0]
-            shaken = np.abs(np.fft.rfft(np.asarray(record.velocity) * np.hanning(record.time.size)))
-            per_hz, last = record.step * record.time.size, shaken.size - 1
-            at = max((line, 1 / step - line), key=lambda f: shaken[min(round(f * per_hz), last)])
-            slower = max(_SLOWER, 1 / (_OFF_LINE * at * step))
-            self._take(with_options(self.measured, decimation=int(np.ceil(slower * fit.every))))
+            f, shaken = periodogram(np.asarray(record.velocity), 1 / record.step, window="hann")
+            at = max((line, 1 / step - line), key=lambda x: float(np.interp(x, f, shaken)))
+            every = int(np.ceil(max(_SLOWER, 1 / (_OFF_LINE * at * step)) * fit.every))
+            if (slower := with_decimation(self.measured, every)) is None:
+                return
+            self._take(slower)
             self.told["chosen vibration"] = (
                 f"near {at:.2g} Hz, by a force that is not logged, was {100 * share:.0f} % of what the fit left, and is filtered out "
                 "(fit.decimation overrules)"
@@ -396,7 +398,6 @@ class _Decisions:
         if alone is None:
             return None
         sides = directions(experiment, self.measured.moving(hold_out=False))
-
         ends = list[Refitted]()  # ever better ones, from which the next begins
 
         def left(x: Array) -> Array:
@@ -408,15 +409,8 @@ class _Decisions:
             return end.residuals
 
         try:
-            return least_squares(
-                left,
-                start,
-                bounds=([0.0] * len(start), most),
-                diff_step=[0.01] * len(start),
-                ftol=1e-3,
-                xtol=1e-2,
-                max_nfev=12,
-            )
+            bounds, steps = ([0.0] * len(start), most), [0.01] * len(start)
+            return least_squares(left, start, bounds=bounds, diff_step=steps, ftol=1e-3, xtol=1e-2, max_nfev=12)
         except InputError:  # no start under numbers that were tried
             return None
 

@@ -148,19 +148,21 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...], one_rate: float =
         longest = min(max(_stretches(r)) / r.oversampled for r in moving)
         every = longest_decimation(decimation(fitted or moving), int(longest))
 
-    def decimable(record: Record) -> Record:
-        """The record without stretches between gaps that are too short for the decimation filter."""
-        shortest = transient(record.decimation(every)) + 1
-        fits = np.diff([*record.starts, record.time.size]).max() >= shortest
-        return without_short_segments(record, shortest, "decimated") if fits and record.velocity is not None else record
-
-    runs = _changed(runs, decimable)
+    runs = _changed(runs, lambda r: _decimable(r, every) or r)
     if experiment.fit.decimation is None:
         # of runs that are sampled far faster than their equations need, means of samples
         at_once = _at_once(every)
         runs, every = _changed(runs, lambda r: _averaged(r, _at_once(r.decimation(every)), at_once)), every // at_once
     experiment = _with_fit_options(experiment, decimation=every)
     return judged(Measured(experiment=experiment, runs=runs, segments=_cut_segments(experiment, runs)))
+
+
+def _decimable(record: Record, every: int) -> Record | None:
+    """A moving run without stretches between gaps that are too short for the decimation filter; None where all are."""
+    shortest = transient(record.decimation(every)) + 1
+    if np.diff([*record.starts, record.time.size]).max() < shortest:
+        return None
+    return record if record.velocity is None else without_short_segments(record, shortest, "decimated")
 
 
 def _at_once(every: int) -> int:
@@ -220,6 +222,14 @@ def with_wider_low_pass(measured: Measured, factor: float) -> Measured:
     return replace(measured, runs=_changed(measured.runs, lambda r: _refiltered(r, usable(r, factor * r.cutoff))))
 
 
+def with_decimation(measured: Measured, every: int) -> Measured | None:
+    """The same with so many samples an equation, without stretches that are too short for that; None where all of a run's are."""
+    if any(_decimable(r, every) is None for r in (run.record for run in measured.runs if run.kind == "tracking")):
+        return None
+    runs = _changed(measured.runs, lambda r: _decimable(r, every) or r)
+    return with_options(replace(measured, runs=runs), decimation=every)
+
+
 def without_twist(measured: Measured, compliance: float, inertia: float, before: float) -> Measured:
     """The same with the position where moving runs rub, of an inertia with a share before what twists, all SI.
 
@@ -232,7 +242,7 @@ def without_twist(measured: Measured, compliance: float, inertia: float, before:
         if whole.position is None or whole.torque is None or whole.acceleration is None:
             return record
         behind = compliance * smoothed(whole, whole.torque - before * inertia * whole.acceleration, record.cutoff)
-        there = replace(whole, position=whole.position - behind)
+        there = replace(whole, position=whole.position - behind, notes=record.notes)
         if whole.velocity is not None and not whole.velocity_estimated:
             there = replace(there, velocity=whole.velocity - derivative(whole, behind))
         moved = _refiltered(there, record.cutoff)
