@@ -138,6 +138,14 @@ def test_a_drive_that_twists_is_taken_off_the_position(tmp_path: Path) -> None:
         near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
 
 
+def test_a_noisy_velocity_is_compared_with_a_position_of_another_unit(tmp_path: Path) -> None:
+    """Degrees taken as rad, whose slope is quieter: the factor between the two is what is said, and the log is refused."""
+    t, q, v, a = sines(500.0, 30.0, [(0.4, 0.13, 0.2), (0.3, 0.31, 1.0), (0.15, 0.71, 2.0)])
+    torque = bristle.simulate(v, 1 / 500, TRUTH) + INERTIA * a + white(t.size, 0.01)
+    joint = drafted(written(tmp_path / "log.csv", t=t, q=np.degrees(q), dq=v + white(t.size, 0.02, 1), tau=torque))
+    assert present(verdict(joint).reason).code == "velocity-factor"
+
+
 def test_a_velocity_alone_that_an_observer_made_late(tmp_path: Path) -> None:
     """Its time constant within a twentieth, and friction as without it; a true one has none."""
     t, _, v, a = sines(500.0, 30.0, [(0.4, 0.13, 0.2), (0.3, 0.31, 1.0), (0.15, 0.71, 2.0)])

@@ -42,7 +42,7 @@ def check_signals(record: Record, kind: RunKind, signals: Signals, context: Cont
     """Findings on the signals of a run by themselves; of points on their torque alone."""
     found: list[Finding | None] = [*check_torque(record, kind)]
     if kind != "points":
-        found += [factor := _velocity_factor(record, signals, context), position_jumps(record, signals, context)]
+        found += [factor := velocity_factor(record, signals, context), position_jumps(record, signals, context)]
         found += [held_position(record, signals), count_mismatch(record, signals.position, context)]
     if kind == "tracking":
         found += [irregular_sampling(record), None if factor else velocity_lag(record)]
@@ -110,7 +110,8 @@ def travel_ratio(record: Record) -> TravelRatio | None:
     return best
 
 
-def _velocity_factor(record: Record, signals: Signals, context: Context) -> Finding | None:
+def velocity_factor(record: Record, signals: Signals, context: Context) -> Finding | None:
+    """The finding on a logged velocity that is another than its position's by a factor, or that has nothing to do with it."""
     ratio = travel_ratio(record)
     if ratio is None:
         return None

@@ -16,7 +16,7 @@ from bristle.data.experiment.signals import DRIVE, GAINS, SIDED, Cleaning, Conte
 from bristle.data.experiment.tables import RunFiles, Source, joined, keys_of, matches, part_of, read_columns, sources_of
 from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, validate
 from bristle.data.record import Record
-from bristle.data.signal_checks import check_signals, check_units
+from bristle.data.signal_checks import check_signals, check_units, velocity_factor
 from bristle.data.text_table import RawTable, Reader, naming, read_table
 from bristle.errors import InputError, short
 from bristle.findings import NOTE, Finding
@@ -270,7 +270,7 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
             shown, table, signals, experiment.cleaning, experiment.context, labels=labels, points=points,
             motor=experiment.motor_constants,
         )  # fmt: skip  # a list
-        record = _complete(experiment, run.experiment, record, signals.drive())
+        record = _complete(experiment, run.experiment, record, signals)
         if (gear := experiment.context.gear) is not None:
             logged = [name for name in (*SIDED, *DRIVE) if getattr(signals, name) is not None]
             moved = ", ".join(dict.fromkeys(name for name in logged if gear.at_motor(name))) or "no signal"
@@ -291,16 +291,19 @@ def from_current(k_t: float, unit: str) -> Finding:
     return Finding("torque-from-current", NOTE, message, {"k_t": k_t, "unit": unit})
 
 
-def _complete(experiment: Experiment, kind: schema.RunKind, record: Record, drive: str | None) -> Record:
+def _complete(experiment: Experiment, kind: schema.RunKind, record: Record, signals: Signals) -> Record:
     """The record with torque and, but for points, velocity, for tracking acceleration, and the low pass that its kind needs."""
     from bristle.data.bandwidth import of_held_speeds, of_motion, of_slow_loading, without_noisy_velocity
     from bristle.data.differentiation import estimate_motion, let_go, with_rests, without_rests
     from bristle.model.motor import drive_torque
 
-    fit, motor = experiment.fit, experiment.motor
+    fit, motor, drive = experiment.fit, experiment.motor, signals.drive()
     if kind == "tracking":
         record = record if experiment.coasting is None else let_go(record)
-        record = record if fit.set_up == schema.AS_WRITTEN else without_noisy_velocity(record)
+        # the slope of a position in another unit is no better
+        factor = velocity_factor(record, signals, experiment.context)
+        if fit.set_up != schema.AS_WRITTEN and (factor is None or factor.code != "velocity-factor"):
+            record = without_noisy_velocity(record)
         record = with_rests(without_rests(estimate_motion(record, fit.position_cutoff or of_motion)))
         if experiment.coasting is not None:
             record = coasted(record, experiment.coasting, experiment.context)
