@@ -99,21 +99,28 @@ def test_imports_and_prints() -> None:
 
 
 def test_levels_have_reasons_and_readers() -> None:
-    """Each level has its unit and reason beside it and is read elsewhere; no module takes a private name of another."""
+    """Each level has its unit and reason and is read where it applies, so that it can be changed; no module takes a private name of another."""
     levels = SOURCE / "estimation" / "levels.py"
     lines = levels.read_text(encoding="utf-8").splitlines()
     assigned = [node for node in trees()[levels].body if isinstance(node, ast.Assign)]
     names = {x.id: node.lineno for node in assigned for x in ast.walk(node.targets[0]) if isinstance(x, ast.Name)}
-    read, private = set[str](), set[str]()
+    read, private, bound = set[str](), set[str](), list[str]()
     for path, of_file in nodes().items():
         for node in of_file:
             if isinstance(node, ast.ImportFrom):
                 taken = {alias.name for alias in node.names}
-                read |= taken if node.module == "bristle.estimation.levels" else set()
+                bound += [
+                    f"{path.stem}: {x}" for x in taken & names.keys() if node.module == "bristle.estimation.levels"
+                ]
                 private |= {f"{path.stem}: {x}" for x in taken if re.fullmatch("_[A-Z_]+", x)}
             elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "levels":
                 read.add(node.attr)
-    assert private == set()
+        at_import: list[ast.AST] = [x for x in of_file if isinstance(x, ast.arguments)]
+        at_import += [x for x in trees()[path].body if isinstance(x, ast.Assign | ast.AnnAssign)]
+        bound += [
+            f"{path.stem}: {x}" for node in at_import for x in re.findall(r"levels\.([A-Z_]+)", ast.unparse(node))
+        ]
+    assert (private, bound) == (set(), [])
     assert [x for x, line in names.items() if x not in read or not re.search(r"  # \w.{9,}", lines[line - 1])] == []
 
 

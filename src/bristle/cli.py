@@ -1,5 +1,6 @@
 """The command line: its commands and options."""
 
+import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import nullcontext
 from functools import wraps
@@ -11,8 +12,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 import bristle
-from bristle.errors import InputError, short_list
-from bristle.estimation.levels import BASELINE, FALSE_DISCOVERIES
+from bristle.errors import InputError, short, short_list
+from bristle.estimation import levels
 from bristle.page import output_folder as files
 from bristle.progress import shown
 from bristle.terminal import complain, print_lines
@@ -135,12 +136,26 @@ def command(**meant: Any) -> Callable[[Callable[..., None]], Callable[..., None]
 def _root(
     context: typer.Context,
     version: Annotated[bool, typer.Option("--version", help="Print the version and exit.")] = False,
+    level: Annotated[
+        list[str] | None,
+        asked("NAME=VALUE", "A level of bristle.estimation.levels in place of its default, as BIC_GAIN=6."),
+    ] = None,
 ) -> None:
+    context.with_resource(levels.changed_levels(**dict(map(_level, level or ()))))
     if version:
         print_lines([bristle.__version__])
         raise typer.Exit
     if context.invoked_subcommand is None:
         print_lines([context.get_help()])
+
+
+def _level(text: str) -> tuple[str, Any]:
+    """Name and value of a level. Raises InputError where there is no `=`, or the value is no JSON."""
+    name, _, value = text.partition("=")
+    try:
+        return name, json.loads(value)
+    except ValueError as error:
+        raise InputError(f"--level: got {short(text)}; expected NAME=VALUE, such as BIC_GAIN=6") from error
 
 
 _OF_LOGS = "as `bristle new` takes them; none: the embedded Ed-Ro (simulated)."
@@ -403,7 +418,7 @@ def compare(first: Path, second: Path, output: Path | None = None) -> None:
 )
 def fleet(
     catalog: str, output: str | None = None, scheduler: str | None = None, workers: int | None = None,
-    memory: str | None = None, verify: bool = False, rate: float = FALSE_DISCOVERIES, baseline: int = BASELINE, tls_ca_file: Path | None = None,
+    memory: str | None = None, verify: bool = False, rate: float | None = None, baseline: int | None = None, tls_ca_file: Path | None = None,
     tls_cert: Path | None = None, tls_key: Path | None = None, strict: bool = False,
 ) -> None:  # fmt: skip  # a list of options
     """Watch a fleet: which joints changed, which units differ.

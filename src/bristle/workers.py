@@ -39,12 +39,12 @@ def pin() -> None:
 
 
 @contextmanager
-def sharing(workers: int, *modules: str) -> Iterator[Share]:
+def sharing(workers: int, *modules: str, begin: Callable[[], object] = int) -> Iterator[Share]:
     """A `Share` among so many processes: `map`, where that is fewer than two.
 
-    On Linux `modules` are loaded once for all processes, while the caller goes on. Where the work fails or is
-    interrupted the processes end at once, and they end where the caller is killed. Raises OSError where a process is
-    killed.
+    On Linux `modules` are loaded once for all processes, while the caller goes on. Each calls `begin`
+    first. Where the work fails or is interrupted the processes end at once, and they end where the caller is killed.
+    Raises OSError where a process is killed.
     """
     if workers < 2:
         yield map
@@ -54,7 +54,7 @@ def sharing(workers: int, *modules: str) -> Iterator[Share]:
     from multiprocessing import active_children
 
     others = set(active_children())
-    with pinned(), ProcessPoolExecutor(workers, prepared(*modules), _begin) as pool:
+    with pinned(), ProcessPoolExecutor(workers, prepared(*modules), _begin, (begin,)) as pool:
         try:
             yield pool.map
         except BaseException as error:
@@ -110,8 +110,8 @@ def pinned() -> Iterator[None]:
             os.environ.pop(name, None)
 
 
-def _begin() -> None:
-    """Have a worker leave an interrupt to its parent, and end with it."""
+def _begin(begin: Callable[[], object]) -> None:
+    """Have a worker begin, leave an interrupt to its parent, and end with it."""
     import gc
     from multiprocessing import parent_process
 
@@ -119,6 +119,7 @@ def _begin() -> None:
         parent.join()
         os._exit(1)
 
+    begin()
     gc.freeze()  # what is loaded stays
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if (parent := parent_process()) is not None:

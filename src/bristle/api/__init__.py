@@ -18,6 +18,7 @@ from bristle.api.identifying import identify
 from bristle.api.results import Results, read_results
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
+from bristle.estimation.levels import changed_levels
 from bristle.model.laws.parts import OwnParameter, Peak, ViscousTerm
 from bristle.model.laws.registry import register_law
 from bristle.model.parameters import Lugre, Pair
@@ -27,7 +28,7 @@ from bristle.simulation.joint_model import JointModel
 
 __all__ = [
     "Export", "Fit", "Fleet", "InputError", "JointModel", "Lugre", "OwnParameter", "Pair", "Peak", "Results",
-    "Told", "ViscousTerm", "adapt", "compare", "draft", "explore", "export", "find_segments",
+    "Told", "ViscousTerm", "adapt", "changed_levels", "compare", "draft", "explore", "export", "find_segments",
     "fit", "fit_dynamic", "fit_presliding", "fleet", "friction", "identify", "inspect", "plan",
     "read_results", "register_law", "report", "report_of", "sensitivity", "simulate", "validate",
 ]  # fmt: skip  # a list of names

@@ -1,6 +1,7 @@
 """The questions that a user asks of logs, of experiments, and of results."""
 
 from collections.abc import Callable
+from functools import partial
 from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -12,6 +13,7 @@ from bristle.api.results import Results
 from bristle.api.sources import Source, path_of
 from bristle.data.experiment.draft import Told
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
 from bristle.page.output_folder import check_folder
@@ -74,7 +76,7 @@ def report(
     Raises InputError in one sentence where a file cannot be used, or the folder cannot be written.
     """
     check_folder(Path(folder), ("results.json",))
-    with sharing(workers, *REPORT) as share:
+    with sharing(workers, *REPORT, begin=partial(levels.put, levels.changed())) as share:
         from bristle.questions.joint_report.figures import drawings  # while the processes load it too
 
         begun: dict[str, dict[str, Drawing]] = {}

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from bristle.api.identifying import identify
 from bristle.errors import InputError, short
-from bristle.estimation.levels import BASELINE, FALSE_DISCOVERIES
 from bristle.findings import Severity
 from bristle.identification.known_joint import chosen
 from bristle.identification.verdict import row_warnings, verdict
@@ -79,8 +78,8 @@ def fleet(
     workers: int | None = None,
     memory: str | None = None,
     verify: bool = False,
-    rate: float = FALSE_DISCOVERIES,
-    baseline: int = BASELINE,
+    rate: float | None = None,
+    baseline: int | None = None,
     begun: Callable[[str], object] = lambda _: None,
     progress: Progress | None = None,
 ) -> Fleet:
@@ -106,17 +105,17 @@ def fleet(
         workers: processes of that cluster; in a script they need `if __name__ == "__main__":` around the call.
         memory: of each of them, as `2 GiB`.
         verify: whether files are hashed anew whose size and time of modification are as they were.
-        rate: the false discovery rate among the joints that are said to have changed.
-        baseline: the first sessions of a joint, against which it is compared.
+        rate: the false discovery rate among the joints that are said to have changed; None: 0.05.
+        baseline: the first sessions of a joint, against which it is compared; None: 3.
         begun: called with the address of the cluster's dashboard, empty where it has none.
         progress: called with what is being done, how many steps are done, and how many there are.
 
     Raises InputError in one sentence where the catalog, the output or the cluster cannot be used, or nothing could be
     identified, and OSError where the output is full or the scheduler is lost; finished work is not done again.
     """
-    from bristle.questions.fleet.findings import check_rate, findings
+    from bristle.questions.fleet.findings import checked, findings
 
-    check_rate(rate, baseline)
+    checked(rate, baseline)
     cluster.check_installed()
     step(progress, "reading the catalog")
     rows = read_catalog(catalog)

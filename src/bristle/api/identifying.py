@@ -12,7 +12,7 @@ from bristle.api.sources import JointLogs, Source, is_results_file, measure_join
 from bristle.data.experiment.load import Experiment
 from bristle.data.robot.robot_file import Robot, pick
 from bristle.errors import InputError, short
-from bristle.estimation.levels import NEED
+from bristle.estimation import levels
 from bristle.findings import Severity
 from bristle.identification.identify import identify_joint
 from bristle.identification.known_gravity import measure_scaled
@@ -101,7 +101,8 @@ def identify(
     Raises InputError in one sentence where a file cannot be used, or where two experiments name the same joint.
     """
     files = open_all(experiments)
-    with sharing(min(workers, len(_chosen(files, joint))), "bristle.identification.identify") as share:
+    processes, begin = min(workers, len(_chosen(files, joint))), partial(levels.put, levels.changed())
+    with sharing(processes, "bristle.identification.identify", begin=begin) as share:
         return _identified(files, joint, share, progress, uncertainty=uncertainty, need=need)
 
 
@@ -156,7 +157,7 @@ def _identified(
     for loaded, _ in files:
         every += [next(alone)] if isinstance(loaded, Experiment) else measure_robot(loaded, progress, share)
     every = [one for one in every if one.experiment.joint.name in chosen]
-    work = partial(_work, uncertainty=uncertainty, need=NEED if need is None else percent(need))
+    work = partial(_work, uncertainty=uncertainty, need=levels.NEED if need is None else percent(need))
     waiting = iter(share(partial(work, progress=progress) if share is map else work, every))
     found = list[Joint]()
     for done, measured in enumerate(every):

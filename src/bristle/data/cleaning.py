@@ -18,7 +18,7 @@ from bristle.data.record import Record
 from bristle.data.sampling import evenly_sampled
 from bristle.data.text_table import RawTable
 from bristle.errors import InputError
-from bristle.estimation.levels import FULL_TURN, LATEST
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 
 _LARGEST = 1e20  # of a signal in SI; its inverse is the smallest: beyond, squares overflow, and a unit is wrong
@@ -208,7 +208,7 @@ def _unwrap(rows: _Rows, signal: Position, context: Context, *, told: bool) -> N
         rows.notes.append(Finding("unwrapped", NOTE, message, {"period": period, "turns": turns}))
     elif context.kind_of("position") == "revolute" and signal.wraps is None and not told:
         turn = 2 * np.pi * abs(context.to_joint("position"))
-        full = np.flatnonzero(np.abs(np.abs(jumps) / turn - 1) < FULL_TURN)
+        full = np.flatnonzero(np.abs(np.abs(jumps) / turn - 1) < levels.FULL_TURN)
         if full.size:
             first = f"(first: {rows.word} {rows.number[full[0] + 1]})"
             raise InputError(
@@ -222,7 +222,7 @@ def _take(rows: _Rows, name: str, signal: Signal, starts: tuple[int, ...]) -> No
     time, delay, late = rows.data["time"], abs(signal.delay), signal.delay > 0
     if not delay:
         return
-    if not delay < LATEST * (time[-1] - time[0]):
+    if not delay < levels.LATEST * (time[-1] - time[0]):
         got = f"{name}: delay: got {signal.delay:g} s in a run of {time[-1] - time[0]:.3g} s"
         raise InputError(f"{got}; expected less than a tenth of it, such as 1 ms")
     parts = zip(np.split(time, starts[1:]), np.split(rows.data[name], starts[1:]), strict=True)

@@ -29,7 +29,7 @@ def estimate_motion(record: Record, cutoff: float | Choice) -> Record:
 
     Raises InputError where there is neither position nor velocity, or no segment is long enough.
     """
-    record = without_short_segments(record)
+    record = without_short_segments(record, levels.SHORTEST, "differentiated")
     values = record.position if record.velocity is None else record.velocity
     if values is None:
         raise InputError(f"{record.file}: neither position nor velocity; name one of them under signals")
@@ -75,10 +75,10 @@ def without_noise_at_rest(record: Record, velocity: Array, smooth: Array, cutoff
     return still
 
 
-def usable(record: Record, cutoff: float, below: float = levels.BELOW_NYQUIST) -> float:
+def usable(record: Record, cutoff: float) -> float:
     """The cut-off, Hz, lowered to a share of the record's Nyquist frequency where it is not below that."""
     nyquist = 0.5 / record.step
-    return cutoff if cutoff < nyquist else below * nyquist
+    return cutoff if cutoff < nyquist else levels.BELOW_NYQUIST * nyquist
 
 
 @lru_cache(maxsize=256)
@@ -119,12 +119,12 @@ def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = Fals
     return np.concatenate([one(values[s]) for s in between_gaps(record)])
 
 
-def _end(part: Array, deviations: float = levels.DEVIATIONS) -> float:
+def _end(part: Array) -> float:
     """End of a line through some samples; the last sample itself where it is further off than noise: a step."""
     at = np.arange(part.size) - (part.size - 1.0)
     slope, level = np.polyfit(at, part, 1).tolist()
     scatter = float(np.std(part - slope * at - level))
-    return float(part[-1]) if abs(part[-1] - level) > deviations * scatter else float(level)
+    return float(part[-1]) if abs(part[-1] - level) > levels.DEVIATIONS * scatter else float(level)
 
 
 def derivative(record: Record, values: Array, order: int = 1) -> Array:
@@ -232,7 +232,7 @@ def without_ends(record: Record) -> Record:
     return _kept(record, inner, Finding("ends-left-out", NOTE, why))
 
 
-def without_short_segments(record: Record, shortest: int = levels.SHORTEST, for_what: str = "differentiated") -> Record:
+def without_short_segments(record: Record, shortest: int, for_what: str) -> Record:
     """The record without segments of fewer samples. Raises InputError where all have fewer."""
     segments = between_gaps(record)
     long = [s for s in segments if s.stop - s.start >= shortest]

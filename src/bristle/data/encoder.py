@@ -11,7 +11,6 @@ from bristle.data import units
 from bristle.data.experiment.signals import Context, Position, Signal
 from bristle.data.record import OTHER_FILES, Record
 from bristle.estimation import levels
-from bristle.estimation.levels import COARSEST, FEW, KNOWN_FACTOR, NEAR_COUNTS, POWER_OF_TWO, SAME_FACTOR
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.model.parameters import unit as unit_of
 
@@ -30,22 +29,22 @@ def resolution(experiment: "Experiment", records: Sequence[Record]) -> float:
     return experiment.encoder_resolution or max(steps, default=0.0)
 
 
-def smallest_step(position: Array, few: int = FEW) -> float:
+def smallest_step(position: Array) -> float:
     """The encoder's count, from the steps between readings, in the unit of position; 0 where they keep to no grid."""
     step, multiples = _grid(readings := np.unique(position))
-    return step if multiples.size >= few or readings.size <= position.size / 2 else 0.0
+    return step if multiples.size >= levels.FEW or readings.size <= position.size / 2 else 0.0
 
 
-def _grid(readings: Array, near_counts: float = NEAR_COUNTS, on_grid: float = levels.ON_GRID) -> tuple[float, Array]:
+def _grid(readings: Array) -> tuple[float, Array]:
     """The step of the grid of readings in rising order, 0 where there is none, and the small multiples of it."""
     if readings.size < 2:
         return 0.0, np.zeros(0)
     steps = np.diff(readings)
     steps = steps[steps > 1e-3 * np.median(steps)]
-    near = steps[steps < near_counts * steps.min()]
+    near = steps[steps < levels.NEAR_COUNTS * steps.min()]
     step = float(near.sum() / np.round(near / np.median(near[near < 1.5 * near.min()])).sum())
     multiples = np.round(near / step)
-    return (step if np.abs(near / step - multiples).max() < on_grid else 0.0), multiples
+    return (step if np.abs(near / step - multiples).max() < levels.ON_GRID else 0.0), multiples
 
 
 def unit_of_counts(logged: Array) -> tuple[str, int] | None:
@@ -56,7 +55,7 @@ def unit_of_counts(logged: Array) -> tuple[str, int] | None:
     step = smallest_step(logged)
     for unit in UNITS["position"]["revolute"] if step else ():
         counts = 2 * np.pi / step / units.factor(unit, "rad")
-        if counts > COARSEST and _power_of_two(counts, POWER_OF_TWO):
+        if counts > levels.COARSEST and _power_of_two(counts, levels.POWER_OF_TWO):
             return None if unit == "rad" else (unit, round(counts))
     return None
 
@@ -75,8 +74,10 @@ def whole_positions(file: str, logged: Array, signal: Position, context: Context
             "under signals.position, and give encoder_resolution, such as `encoder_resolution: 4096 counts/rev`."
         )
         return Finding("whole-positions", CRITICAL, message, {"files": (file,)})
-    declared = context.resolution is not None and apart(size / context.resolution, 1.0) < SAME_FACTOR
-    degrees = context.kind_of("position") == "revolute" and apart(size, units.factor("deg", "rad")) < KNOWN_FACTOR
+    declared = context.resolution is not None and apart(size / context.resolution, 1.0) < levels.SAME_FACTOR
+    degrees = (
+        context.kind_of("position") == "revolute" and apart(size, units.factor("deg", "rad")) < levels.KNOWN_FACTOR
+    )
     if declared or not degrees:
         return None
     message = (
@@ -94,20 +95,22 @@ def count_mismatch(record: Record, signal: Position | None, context: Context) ->
     readings = np.unique(record.position)
     step, multiples = _grid(readings)
     repeats = readings.size <= record.position.size / 2
-    if not step or multiples.size < FEW or not (repeats or np.unique(multiples).size > levels.MULTIPLES):
+    if not step or multiples.size < levels.FEW or not (repeats or np.unique(multiples).size > levels.MULTIPLES):
         return None
     step /= abs(context.to_joint("position"))
     if context.resolution is None:
         return _turn_of_another_unit(record.file, step, signal, context)
     ratio = step / context.resolution
-    return None if apart(ratio, 1.0) < SAME_FACTOR else _mismatch(record.file, step, ratio, signal, context)
+    return None if apart(ratio, 1.0) < levels.SAME_FACTOR else _mismatch(record.file, step, ratio, signal, context)
 
 
 def _mismatch(file: str, step: float, ratio: float, signal: Position, context: Context) -> Finding:
     """The finding of steps that are `ratio` times the declared count: a wrong unit, bits, rounding, or else."""
     now = signal.factor("position", context) / context.to_joint("position")
     others = other_units("position", signal, context)
-    line = next((f"`unit: {u}`" for u, by in others if apart(ratio * by, 1.0) < KNOWN_FACTOR < apart(by, 1.0)), None)
+    line = next(
+        (f"`unit: {u}`" for u, by in others if apart(ratio * by, 1.0) < levels.KNOWN_FACTOR < apart(by, 1.0)), None
+    )
     numbers: dict[str, Any] = {"files": (file,), "step": step, "ratio": ratio}
     position = f"The position of {file}{OTHER_FILES}"
     times = f"{ratio:.4g} times the declared encoder_resolution"
@@ -118,7 +121,7 @@ def _mismatch(file: str, step: float, ratio: float, signal: Position, context: C
             f"position is right, write `encoder_resolution: {seen}`."
         )
         return Finding("count-unit", CRITICAL, message, {**numbers, "remedy": line})
-    if _power_of_two(ratio, KNOWN_FACTOR):
+    if _power_of_two(ratio, levels.KNOWN_FACTOR):
         message = (
             f"{position} changes in steps of {seen}, {times}, a power of two: quadrature, or a different number of bits. "
             f"Write `encoder_resolution: {seen}`."
@@ -139,10 +142,14 @@ def _mismatch(file: str, step: float, ratio: float, signal: Position, context: C
 def _turn_of_another_unit(file: str, step: float, signal: Position, context: Context) -> Finding | None:
     """The caution that the counts of a turn are a power of two in another unit than the declared one."""
     turn = 2 * np.pi / step
-    if context.kind_of("position") != "revolute" or _power_of_two(turn, POWER_OF_TWO):
+    if context.kind_of("position") != "revolute" or _power_of_two(turn, levels.POWER_OF_TWO):
         return None
     for unit, by in other_units("position", signal, context):
-        if turn / by > COARSEST and _power_of_two(turn / by, POWER_OF_TWO) and apart(by, 1.0) > KNOWN_FACTOR:
+        if (
+            turn / by > levels.COARSEST
+            and _power_of_two(turn / by, levels.POWER_OF_TWO)
+            and apart(by, 1.0) > levels.KNOWN_FACTOR
+        ):
             counts, remedy = round(turn / by), f"`unit: {unit}`"
             message = (
                 f"A turn of {file}{OTHER_FILES} has {turn:.6g} counts as declared, and {counts} with {remedy} under "

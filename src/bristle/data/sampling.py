@@ -11,7 +11,7 @@ from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps
 from bristle.data.encoder import smallest_step
 from bristle.data.record import SIGNALS, Record
-from bristle.estimation.levels import BRIDGED, BRIDGED_NOISE, DEVIATIONS, LONGEST_BRIDGE, UNEVEN, WHITE
+from bristle.estimation import levels
 from bristle.findings import NOTE, Finding
 
 BLOCK = 100  # samples that tell the noise of the position
@@ -19,7 +19,7 @@ _MANY = 10.0  # times the samples that there are: more are not made, where gaps 
 _FEW, _PLACES = 4, 30  # least samples on either side of a bridged gap; places at which the bridge is tried
 
 
-def evenly_sampled(record: Record, apart: Collection[int] = (), uneven: float = UNEVEN) -> Record:
+def evenly_sampled(record: Record, apart: Collection[int] = ()) -> Record:
     """The record at equally spaced samples in each segment between gaps; unchanged where they are so, to 5 %.
 
     Gaps whose content the motion around them tells are filled, without a torque, except those before the samples
@@ -30,7 +30,7 @@ def evenly_sampled(record: Record, apart: Collection[int] = (), uneven: float = 
     record = _bridged(record, apart)
     segments = [s for s in between_gaps(record) if s.stop - s.start > 2]
     intervals = np.concatenate([np.zeros(0), *(np.diff(record.time[s]) for s in segments)]) / record.step
-    if not intervals.size or np.std(intervals) < uneven or intervals.sum() > _MANY * record.time.size:
+    if not intervals.size or np.std(intervals) < levels.UNEVEN or intervals.sum() > _MANY * record.time.size:
         return record
     time = record.time.copy()
     for s in segments:
@@ -48,7 +48,7 @@ def evenly_sampled(record: Record, apart: Collection[int] = (), uneven: float = 
     return _interpolated(record)
 
 
-def _bridged(record: Record, apart: Collection[int], longest_bridge: int = LONGEST_BRIDGE) -> Record:
+def _bridged(record: Record, apart: Collection[int]) -> Record:
     """The record with its shorter gaps filled, its motion by a cubic through as many samples on either side."""
     ahead = np.array([k for k in record.starts[1:] if k not in apart], dtype=np.intp)
     motion = {name: x for name in ("position", "velocity") if (x := getattr(record, name)) is not None}
@@ -57,7 +57,7 @@ def _bridged(record: Record, apart: Collection[int], longest_bridge: int = LONGE
         return record
     name, values = next(iter(motion.items()))
     most = 0
-    for n in np.unique(missing[(missing > 0) & (missing <= longest_bridge)]).tolist():
+    for n in np.unique(missing[(missing > 0) & (missing <= levels.LONGEST_BRIDGE)]).tolist():
         if not _can_bridge(record, values, n, is_position=name == "position"):
             break
         most = n
@@ -116,7 +116,7 @@ def _can_bridge(record: Record, values: Array, n: int, *, is_position: bool) -> 
         noise.append(np.mean(left[out] ** 2))
     does = n * np.diff(values) if is_position else values
     error, typical = float(np.sqrt(np.mean(errors))), float(np.median(np.abs(does)))
-    return error <= max(BRIDGED * typical, BRIDGED_NOISE * float(np.sqrt(np.mean(noise))))
+    return error <= max(levels.BRIDGED * typical, levels.BRIDGED_NOISE * float(np.sqrt(np.mean(noise))))
 
 
 def _counted(position: Array, near: Array | float, count: float) -> Array:
@@ -195,7 +195,7 @@ def with_motion(record: Record, moved: Record) -> Record:
     return replace(record, **motion, cutoff=moved.cutoff, notes=moved.notes, fine=shown.fine)
 
 
-def jitter(record: Record, time: Array, deviations: float = DEVIATIONS, white: float = WHITE) -> float:
+def jitter(record: Record, time: Array) -> float:
     """Standard deviation of the sampling instants about `time`, (n,), samples; 0 where noise does not follow speed."""
     if record.position is None:
         return 0.0
@@ -224,12 +224,12 @@ def jitter(record: Record, time: Array, deviations: float = DEVIATIONS, white: f
     more = _variance(r[fast]) - floor
     # relative standard error of a variance from the median of sizes, times the root of their number
     error = 2.3 * np.sqrt(2 / fast.sum()) * _variance(r[fast])
-    if not of_speed > 0 or more <= max(deviations * error, floor):
+    if not of_speed > 0 or more <= max(levels.DEVIATIONS * error, floor):
         return 0.0
     both = fast[1:] & fast[:-1]
-    z = np.clip(r / np.sqrt(_variance(r[fast])), -deviations, deviations)
+    z = np.clip(r / np.sqrt(_variance(r[fast])), -levels.DEVIATIONS, levels.DEVIATIONS)
     correlation = float(z[1:][both] @ z[:-1][both]) / max(float(z[1:][both] @ z[1:][both]), 1e-12)
-    return float(np.sqrt(more / of_speed)) if correlation < white else 0.0
+    return float(np.sqrt(more / of_speed)) if correlation < levels.WHITE else 0.0
 
 
 def _variance(x: Array) -> float:

@@ -208,7 +208,7 @@ def position_jumps(record: Record, signals: Signals, context: Context) -> Findin
     return Finding("position-jumps", CAUTION, message, {"files": (place,)})
 
 
-def _jumps(steps: Array, intervals: Array, count: float, jump: float = levels.JUMP) -> list[tuple[int, float, float]]:
+def _jumps(steps: Array, intervals: Array, count: float) -> list[tuple[int, float, float]]:
     """Places of jumps among steps (n,), over intervals (n,); by how much, and the travel of how many samples."""
     from scipy.ndimage import maximum_filter1d, minimum_filter1d
 
@@ -229,7 +229,7 @@ def _jumps(steps: Array, intervals: Array, count: float, jump: float = levels.JU
 
     side, about = np.sign(usual), 2 * levels.PLAY + 1
     one_way = minimum_filter1d(side, about) * maximum_filter1d(side, about) > 0
-    far = (size > levels.JUMP_TRAVEL * np.abs(usual)) & (size > jump * noise + 2 * count)
+    far = (size > levels.JUMP_TRAVEL * np.abs(usual)) & (size > levels.JUMP * noise + 2 * count)
     found = (before * after > 0) & one_way & far
     found &= np.abs(np.convolve(off, np.ones(2 * _AROUND + 1), "same")) > 0.5 * np.abs(off)  # it does not come back
     best = [k for k in np.flatnonzero(found) if size[k] >= size[max(k - _AROUND, 0) : k + _AROUND + 1].max()]
@@ -245,7 +245,7 @@ def _rows(record: Record, signals: Signals, samples: Sequence[int]) -> tuple[str
     return "row", [round(float(record.time[k]) * rate) + 1 if rate else k + 1 for k in samples]
 
 
-def held_position(record: Record, signals: Signals, held_reading: int = levels.HELD_READING) -> Finding | None:
+def held_position(record: Record, signals: Signals) -> Finding | None:
     """The caution on readings that repeat in the midst of a motion, and then catch up: they were not refreshed."""
     if record.position is None or record.time.size < 2 * BLOCK:
         return None
@@ -259,13 +259,13 @@ def held_position(record: Record, signals: Signals, held_reading: int = levels.H
         # the count is the 0.05 quantile of steps: the smallest are no smaller
         count = float(np.quantile(np.abs(steps[moves]), 0.05))
         start, end, times = moves[:-1] + 1, moves[1:], np.diff(moves) - 1
-        ok = (times >= held_reading) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
+        ok = (times >= levels.HELD_READING) & (start >= _BESIDE) & (end + 1 + _BESIDE < position.size)
         start, end, times = start[ok], end[ok], times[ok]
         before, after = position[start] - position[start - _BESIDE], position[end + 1 + _BESIDE] - position[end + 1]
         speed, fastest = (before + after) / (2 * _BESIDE), np.maximum(np.abs(before), np.abs(after)) / _BESIDE
         caught, due = steps[end], speed * (times + 1)
         held = (before * after > 0) & (np.abs(caught - due) < 0.5 * np.abs(due))
-        held &= np.abs(caught) > fastest + held_reading * count
+        held &= np.abs(caught) > fastest + levels.HELD_READING * count
         found += zip((s.start + start[held]).tolist(), times[held].tolist(), strict=True)
     if not found:
         return None
@@ -281,10 +281,10 @@ def held_position(record: Record, signals: Signals, held_reading: int = levels.H
     return Finding("position-held", CAUTION, message, {"files": (place,), "samples": samples, "share": share})
 
 
-def irregular_sampling(record: Record, uneven: float = levels.UNEVEN) -> Finding | None:
+def irregular_sampling(record: Record) -> Finding | None:
     """The caution on white noise of the position that grows with the speed: of unknown instants of sampling."""
     about = jitter(record, record.time / record.step)
-    if about < uneven:
+    if about < levels.UNEVEN:
         return None
     message = (
         f"The position of {record.file}{OTHER_FILES} is noisy in proportion to its speed, as if sampled {about:.2g} of a "

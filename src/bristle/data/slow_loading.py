@@ -210,11 +210,11 @@ def _low_passed(record: Record, values: Array, cutoff: float) -> Array:
     return smoothed(record, values, cutoff, noisy=True) if cutoff < 0.5 / record.step else values
 
 
-def torque_turns(torque: Array, prominent: float = levels.PROMINENT) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def torque_turns(torque: Array) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
     """Samples of largest and of smallest torque between turns."""
     from scipy.signal import find_peaks
 
-    prominence = prominent * float(np.ptp(torque))
+    prominence = levels.PROMINENT * float(np.ptp(torque))
     if prominence == 0:
         return np.zeros(0, dtype=np.intp), np.zeros(0, dtype=np.intp)
     return find_peaks(torque, prominence=prominence)[0], find_peaks(-torque, prominence=prominence)[0]
@@ -264,11 +264,11 @@ def _slides_at(
     return None if not far and held > levels.HELD_MORE * torque[onset] else onset
 
 
-def _held(smooth: Array, logged: Array, deviations: float = levels.DEVIATIONS) -> float:
+def _held(smooth: Array, logged: Array) -> float:
     """The largest torque, N*m, through the low pass, which rounds tips off or overshoots, within the logged one."""
     noise = 1.4826 * float(np.median(np.abs(np.diff(logged, 2)))) / 6**0.5
     most = float(logged.max())
-    return min(max(float(smooth.max()), most - deviations * noise), most)
+    return min(max(float(smooth.max()), most - levels.DEVIATIONS * noise), most)
 
 
 def _refuse_sliding(file: str, position: Array, torque: Array, slide: int | None, quantum: float) -> None:

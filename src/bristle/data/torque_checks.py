@@ -26,10 +26,10 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
     yield from filter(None, (check(record, kind) for check in checks[kind]))
 
 
-def at_limits(record: Record, kind: RunKind = "tracking", mostly: float = levels.MOSTLY_CLIPPED) -> NDArray[np.bool_]:
+def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
     """Samples of a run that are clipped, unless most are, or fill a gap: the true torque there is unknown, (n,)."""
     clipped = np.isin(record.time if record.torque is None else record.torque, _limits(record, kind))
-    clipped &= clipped.mean() < mostly
+    clipped &= clipped.mean() < levels.MOSTLY_CLIPPED
     return clipped if record.filled is None else clipped | record.filled
 
 
@@ -118,7 +118,7 @@ def _unsigned(record: Record, _: RunKind) -> Finding | None:
     return Finding("torque-unsigned", CRITICAL, message, {"files": (record.file,)}, {"torque": np.inf})
 
 
-def _loaded_at_start(record: Record, _: RunKind, deviations: float = levels.DEVIATIONS) -> Finding | None:
+def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
     """Slow loading whose torque does not begin at zero, by the line through its first samples."""
     if record.torque is None or record.torque.size < _PARTS:
         return None
@@ -129,7 +129,7 @@ def _loaded_at_start(record: Record, _: RunKind, deviations: float = levels.DEVI
     rest = torque - begins - slope * time
     error = np.sqrt(rest @ rest / (first - 2) * of_begins * inflation(rest))
     largest = float(np.abs(record.torque).max())
-    if abs(begins) <= max(deviations * error, levels.STARTS_LOADED * largest):
+    if abs(begins) <= max(levels.DEVIATIONS * error, levels.STARTS_LOADED * largest):
         return None
     share = abs(begins) / largest
     message = (
@@ -140,7 +140,7 @@ def _loaded_at_start(record: Record, _: RunKind, deviations: float = levels.DEVI
     return Finding("loaded-at-start", CAUTION, message, {"files": (record.file,), "torque": begins, "share": share})
 
 
-def _dead_zone(record: Record, _: RunKind, piled: float = levels.PILED) -> Finding | None:
+def _dead_zone(record: Record, _: RunKind) -> Finding | None:
     """A torque of a moving joint that is exactly zero far too often where its sign changes, beside the next values."""
     torque, position = record.torque, record.position
     if torque is None or position is None or record.voltage is not None:
@@ -149,7 +149,7 @@ def _dead_zone(record: Record, _: RunKind, piled: float = levels.PILED) -> Findi
     if zero.sum() < max(levels.DEAD_ZONE * torque.size, levels.DEAD_SAMPLES):
         return None
     beside = np.unique(np.abs(torque[~zero]), return_counts=True)[1][: levels.PILED_BESIDE]
-    if zero.sum() < piled * beside.max(initial=0):
+    if zero.sum() < levels.PILED * beside.max(initial=0):
         return None
     starts, stops = (np.flatnonzero(np.diff(np.pad(zero.astype(int), 1)) == sign) for sign in (1, -1))
     whole = (starts > 0) & (stops < torque.size)

@@ -4,7 +4,7 @@ import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 
 from bristle.arrays import Array
-from bristle.estimation.levels import FEW, LINE_WIDTH, NOISE, POOR
+from bristle.estimation import levels
 from bristle.findings import CRITICAL, NOTE, Finding
 
 _WINDOW = 5.0  # Sokal's c: the sum ends at c integrated autocorrelation times
@@ -60,7 +60,7 @@ def spectral_line(x: Array, step: float) -> tuple[float, float]:
 
     f, power = periodogram(x, 1 / step, window="hann")
     line = float(f[np.argmax(power)])
-    near = np.abs(f - line) <= max(LINE_WIDTH * line, 3 * float(f[1]))
+    near = np.abs(f - line) <= max(levels.LINE_WIDTH * line, 3 * float(f[1]))
     return line, float(power[near].sum() / max(power.sum(), 1e-300))
 
 
@@ -89,10 +89,10 @@ def unexplained(residuals: Array, norm: float) -> tuple[Finding, ...]:
 
     None of fewer than eight equations.
     """
-    if residuals.size < FEW or not norm > 0:
+    if residuals.size < levels.FEW or not norm > 0:
         return ()
     power, pattern = float(residuals @ residuals), pattern_of(residuals)
-    if pattern <= max((POOR * norm) ** 2, NOISE / np.sqrt(residuals.size) * power):
+    if pattern <= max((levels.POOR * norm) ** 2, levels.NOISE / np.sqrt(residuals.size) * power):
         return ()
     error, of_noise = 100 * np.sqrt(power) / norm, 100 * np.sqrt(power - pattern) / norm
     message = (

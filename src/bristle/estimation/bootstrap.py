@@ -19,8 +19,8 @@ import numpy as np
 from scipy.special import chdtrc
 
 from bristle.arrays import Array
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levels import CONFIDENCE, SIGNIFICANCE, VARIANCE_POINTS
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Name
@@ -51,7 +51,7 @@ class Resampled(NamedTuple):
         """The 95 % interval of one unknown about its estimate by bootstrap-t, from its standard error."""
         if error == 0 or not np.isfinite(error):
             return (0.0, 0.0) if error == 0 else (-np.inf, np.inf)
-        t, tail = self.studentised[:, which], (1 - CONFIDENCE) / 2
+        t, tail = self.studentised[:, which], (1 - levels.CONFIDENCE) / 2
         if not self.rounded:
             least, most = np.quantile(t, [tail, 1 - tail])
         else:  # a draw without information counts on either side
@@ -99,16 +99,16 @@ def linear_refit(columns: Array, values: Array, uneven: bool) -> tuple[Array, Ar
     return theta, np.sqrt(np.diag(inner)[:, None] * cost)
 
 
-def variances_differ(residuals: Array, place: Array, significance: float = SIGNIFICANCE) -> bool:
+def variances_differ(residuals: Array, place: Array) -> bool:
     """Whether the variance depends on the place: Koenker's test of a parabola in its logarithm."""
     x, square = np.log(np.abs(place)), residuals**2
-    if residuals.size < VARIANCE_POINTS or not np.ptp(x) > 0 or not square.any():
+    if residuals.size < levels.VARIANCE_POINTS or not np.ptp(x) > 0 or not square.any():
         return False
     s = 2 * (x - x.min()) / np.ptp(x) - 1
     basis = np.linalg.qr(np.column_stack([np.ones_like(s), s, s * s]))[0][:, 1:]
     total = float(np.sum((square - square.mean()) ** 2))
     share = float(np.sum((basis.T @ square) ** 2)) / total if total > 0 else 0.0
-    return bool(chdtrc(2, residuals.size * share) < significance)
+    return bool(chdtrc(2, residuals.size * share) < levels.SIGNIFICANCE)
 
 
 def bootstrap_at(solution: MultistartSolution[Name]) -> tuple[dict[Name, tuple[Array, Array]], int]:

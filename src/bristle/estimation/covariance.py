@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.special import stdtrit
 
 from bristle.arrays import Array
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levels import CONFIDENCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.nonlinear import LeastSquares, Minimum
 
@@ -93,6 +93,6 @@ def condition(jacobian: Array) -> float:
     return float(np.linalg.cond(jacobian / np.where(scale == 0, 1.0, scale)))
 
 
-def student(freedom: float, level: float = CONFIDENCE) -> float:
-    """Half-width of the 95 % interval in standard errors, by Student's t."""
-    return float(stdtrit(freedom, (1 + level) / 2))
+def student(freedom: float, level: float | None = None) -> float:
+    """Half-width of an interval in standard errors, by Student's t; None: of 95 %."""
+    return float(stdtrit(freedom, (1 + (levels.CONFIDENCE if level is None else level)) / 2))

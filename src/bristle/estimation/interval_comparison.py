@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from bristle.estimation.levels import FACTOR, FEW
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 
 _ROUNDING = 1e-9
@@ -29,8 +29,8 @@ def warnings(
         return (Finding("intervals-at-bound", CAUTION, message),)
     none = tuple[Finding, ...]()
     if bootstrap is None and few:
-        message = f"No bootstrap: {few} are too few to resample; at least {FEW} are needed."
-        none = (Finding("no-bootstrap", NOTE, message, {"few": few, "least": FEW}),)
+        message = f"No bootstrap: {few} are too few to resample; at least {levels.FEW} are needed."
+        none = (Finding("no-bootstrap", NOTE, message, {"few": few, "least": levels.FEW}),)
     known = {"covariance": covariance, "profile": profile, "bootstrap": bootstrap}
     reaches = {name: (value - x[0], x[1] - value) for name, x in known.items() if x is not None}
     both = zip(("below", "above"), zip(*reaches.values(), strict=True), strict=False)
@@ -52,6 +52,6 @@ def warnings(
     return (*none, Finding("intervals-differ", NOTE, message, {"sides": tuple(sides), "reason": why}))
 
 
-def _part(reaches: Sequence[float], value: float, factor: float = FACTOR) -> bool:
+def _part(reaches: Sequence[float], value: float) -> bool:
     """Whether reaches differ by more than factor, rounding apart."""
-    return len(reaches) > 1 and max(reaches) > factor * max(min(reaches), 0.0) + _ROUNDING * abs(value)
+    return len(reaches) > 1 and max(reaches) > levels.FACTOR * max(min(reaches), 0.0) + _ROUNDING * abs(value)

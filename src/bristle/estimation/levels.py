@@ -1,7 +1,16 @@
 """Levels of tests, and limits from which a finding is reported, a model chosen or data left out.
 
-Each is the default of an argument, or read where a function applies several. Tolerances and grids stand elsewhere.
+Each is a default: `changed_levels`, or `--level` of the command line, puts another in its place. Modules read them where
+they apply, as `levels.NAME`. Tolerances and grids stand elsewhere.
 """
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from difflib import get_close_matches
+from math import isfinite
+from typing import Any
+
+from bristle.errors import InputError, short
 
 # Tests
 CONFIDENCE = 0.95  # of every interval
@@ -189,3 +198,68 @@ SLOWEST = 0.5  # of v_s: slower runs than this show the Stribeck term far better
 WORSE_LOOP, DIVERGED = 1.1, 10.0  # RMS tracking error: ratio at which two differ; amplitudes of a loop that diverges
 CYCLE_SWINGS, CYCLE_COUNTS, CYCLE_BEND = 4, 3.0, 0.02  # limit cycle: swings; width in counts, in bristle deflections
 FASTER = 30.0  # largest speed of a reference over the fastest measured: the law is extrapolated so far at most
+
+_DEFAULTS: dict[str, Any] = {name: value for name, value in vars().items() if name.isupper()}
+del _DEFAULTS["CONFIDENCE"], _DEFAULTS["NORMAL"]  # all that is printed and drawn says 95 %
+
+
+@contextmanager
+def changed_levels(**to: Any) -> Iterator[None]:
+    """Other levels in all that is done meanwhile, in this process and those that it begins; results name them.
+
+    >>> import bristle
+    >>> with bristle.changed_levels(BIC_GAIN=6.0):
+    ...     results = bristle.identify("wrist.yaml")
+    >>> results.joint().settings["levels"]
+    'BIC_GAIN 6 (default 10)'
+
+    Names, defaults and units are those of `bristle.estimation.levels`. Raises InputError where a name or a value is of
+    no level.
+    """
+    for name, value in to.items():
+        if name not in _DEFAULTS:
+            near = get_close_matches(name.upper(), _DEFAULTS, 1) or ["BIC_GAIN"]
+            raise InputError(
+                f"level: got {short(name)}; expected a name in bristle/estimation/levels.py, such as {near[0]}"
+            )
+        if not _is_like(value, _DEFAULTS[name]):
+            raise InputError(f"level {name}: got {short(value)}; expected a value in the form of {_DEFAULTS[name]}")
+    before = {name: globals()[name] for name in to}
+    put(to)
+    try:
+        yield
+    finally:
+        put(before)
+
+
+def put(changed: Mapping[str, Any]) -> None:
+    """Put these levels in force, as a new process does that another one begins."""
+    globals().update(changed)
+
+
+def changed() -> dict[str, Any]:
+    """Levels that are not their defaults."""
+    return {name: globals()[name] for name, value in _DEFAULTS.items() if globals()[name] != value}
+
+
+def told() -> str:
+    """Levels that are not their defaults, beside them, in a sentence; empty where all are."""
+    return "; ".join(f"{name} {_text(value)} (default {_text(_DEFAULTS[name])})" for name, value in changed().items())
+
+
+def _text(value: Any) -> str:
+    return f"{value:g}" if isinstance(value, int | float) else str(value)
+
+
+def _is_like(value: Any, default: Any) -> bool:
+    """Whether a value has the form of a default: a number, a count, several of them, or one for each kind."""
+    if isinstance(default, Mapping):
+        return (
+            isinstance(value, Mapping)
+            and value.keys() == default.keys()
+            and all(_is_like(value[x], default[x]) for x in value)
+        )
+    if isinstance(default, tuple):
+        return isinstance(value, list | tuple) and len(value) == len(default) and all(map(_is_like, value, default))
+    number = int if isinstance(default, int) else int | float
+    return isinstance(value, number) and not isinstance(value, bool) and isfinite(value)

@@ -9,9 +9,8 @@ from scipy.optimize import brentq
 from scipy.special import digamma, polygamma, stdtridf, stdtrit
 
 from bristle.arrays import Array
-from bristle.estimation.levels import CONFIDENCE
+from bristle.estimation import levels
 
-_LEVEL = (1 + CONFIDENCE) / 2
 _MANY = 1e3  # degrees of freedom that count as infinite
 _SCATTER = (1e-6, 1e6)  # of log(s**2): limits between one variance and unrelated ones
 
@@ -22,16 +21,17 @@ def normal_errors(error: Array, half: Array) -> Array:
     An interval wider than 1.96 errors tells degrees of freedom, by which errors are moderated; an open one counts as
     1.96.
     """
-    normal = float(stdtrit(np.inf, _LEVEL))
+    level = (1 + levels.CONFIDENCE) / 2
+    normal = float(stdtrit(np.inf, level))
     with np.errstate(divide="ignore", invalid="ignore"):
         ratio = np.where(np.isfinite(half), half / error, normal)
     freedom = np.full(error.size, np.inf)
     few = ratio > normal * (1 + 1 / _MANY)
-    freedom[few] = np.maximum(stdtridf(_LEVEL, ratio[few]), 1.0)
+    freedom[few] = np.maximum(stdtridf(level, ratio[few]), 1.0)
     variance, freedom = moderated(error**2, freedom)
     reach: Array = np.full(error.size, normal)
     few = np.isfinite(freedom)
-    reach[few] = stdtrit(freedom[few], _LEVEL)
+    reach[few] = stdtrit(freedom[few], level)
     return np.sqrt(variance) * reach / normal
 
 

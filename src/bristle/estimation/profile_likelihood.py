@@ -14,8 +14,8 @@ from scipy.special import fdtri
 
 from bristle.arrays import Array
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.covariance import seen, student
-from bristle.estimation.levels import CONFIDENCE
 from bristle.estimation.linear import inverse_gram
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import LeastSquares, Minimum, Name, minimise
@@ -45,10 +45,10 @@ class Profiled(NamedTuple):
     warnings: tuple[Finding, ...] = ()
 
 
-def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0, confidence: float = CONFIDENCE) -> float:
+def profile_threshold(cost: float, n: int, p: int, inflation: float = 1.0) -> float:
     """The cost at the ends of a 95 % interval, J_min + d; S is the `inflation`."""
     freedom = max(n / inflation - p, 1.0)
-    return cost * (1 + inflation * float(fdtri(1, freedom, confidence)) / max(n - p, 1))
+    return cost * (1 + inflation * float(fdtri(1, freedom, levels.CONFIDENCE)) / max(n - p, 1))
 
 
 def interval_on_grid(

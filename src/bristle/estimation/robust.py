@@ -11,7 +11,7 @@ from scipy.optimize import brentq
 from scipy.special import chdtr, chdtri
 
 from bristle.arrays import Array
-from bristle.estimation.levels import CONFIDENCE, ENOUGH
+from bristle.estimation import levels
 
 SCALE = 2.0  # c of the variance, standard deviations
 BEND = 1.345  # c of the coefficients: 95 % efficiency with normal errors
@@ -49,7 +49,7 @@ def common_variance(residuals: Array, known: Array, times: float = 1.0, lost: in
 
 def variance_interval(variance: float, known: float, freedom: float) -> tuple[float, float]:
     """95 % interval of a common variance beside a typical known one, by chi-squared of the sum."""
-    total, tail = variance + known, (1 - CONFIDENCE) / 2
+    total, tail = variance + known, (1 - levels.CONFIDENCE) / 2
     if freedom <= 0 or total <= 0:
         return 0.0, float("inf")
     low, high = total * freedom / float(chdtri(freedom, tail)), total * freedom / float(chdtri(freedom, 1 - tail))
@@ -99,7 +99,7 @@ def fit_differences(
     s2 = np.maximum(2 * variance + v, np.finfo(float).tiny)
     u = (d - X @ b) / np.sqrt(s2)
     names, owner = np.unique(groups[first], return_inverse=True)
-    if names.size >= ENOUGH:
+    if names.size >= levels.ENOUGH:
         inverse = np.linalg.pinv((X * ((np.abs(u) < BEND) / s2)[:, None]).T @ X, hermitian=True)
         scores = np.zeros((names.size, p))
         np.add.at(scores, owner, X * (np.clip(u, -BEND, BEND) / np.sqrt(s2))[:, None])

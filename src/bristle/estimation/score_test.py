@@ -9,8 +9,8 @@ from scipy.linalg import qr
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levels import EXPLAINS, MATTERS, NAMED_ERRORS, SIGNIFICANCE, UNEVEN_EQUATIONS
 from bristle.findings import NOTE, Finding
 
 _BESIDE, _RANK = 1e-3, 1e-10  # relative length of a column beside known ones, and relative rank of these
@@ -90,13 +90,13 @@ def _score(basis: Array, left: Array, columns: Array, inflated: float = 1.0) -> 
     inverse = np.linalg.pinv(R)
     sizes[own] = inverse @ b / lengths[own]
     # variances for even noise, and for noise that is uneven and correlated along the column
-    most, one = np.inf if n >= UNEVEN_EQUATIONS else inflation(rest), float(rest @ rest)
+    most, one = np.inf if n >= levels.UNEVEN_EQUATIONS else inflation(rest), float(rest @ rest)
     correlated = np.array([max(min(inflation(rest, d), most), inflated) for d in directions.T])
     freedom = (n - p) / float(correlated.max()) - k
     if freedom < 1:
         return Score(sizes, errors, 1.0, share, share * total)
     variance = one / (n - p - k) * correlated
-    if n >= UNEVEN_EQUATIONS:
+    if n >= levels.UNEVEN_EQUATIONS:
         powers = n * np.var(directions * left[:, None], axis=0)  # under the null hypothesis
         uneven = powers * [max(inflation(x), inflated) for x in (directions * rest[:, None]).T]
         variance = np.maximum(variance, uneven * n / (n - p - k))
@@ -132,8 +132,8 @@ def explained(fit: Fitted, candidates: Sequence[Candidate]) -> Explained:
             found, k = _score(basis, left, asked[which]), asked[which].shape[1] + 2 * (len(asked) > 1)
             bic = n * np.log1p(-min(found.share, 1 - 1e-12)) + k * np.log(n)
             if (
-                found.p * tried < SIGNIFICANCE
-                and found.share * now > EXPLAINS * total
+                found.p * tried < levels.SIGNIFICANCE
+                and found.share * now > levels.EXPLAINS * total
                 and (best is None or bic < best[0])
             ):
                 best = bic, candidate, which, found
@@ -166,12 +166,12 @@ def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, i
     changed = (added if is_friction else 0.0) - friction
     torque = float(np.sqrt(np.mean(np.square(changed))))
     errors = float(np.max(np.abs(moved) / np.maximum(fit.errors, 1e-300), initial=0.0))
-    little = max(torque, finding.effect.get("torque", 0.0)) < MATTERS * fit.friction and errors < 1
+    little = max(torque, finding.effect.get("torque", 0.0)) < levels.MATTERS * fit.friction and errors < 1
     told = replace(finding, effect={"torque": torque, "errors": errors, **finding.effect})
     if little:
         return replace(told, severity=NOTE)
     changes = [f"friction by {100 * torque / fit.friction:.2g} %"] if fit.friction else []
-    if errors >= NAMED_ERRORS:
+    if errors >= levels.NAMED_ERRORS:
         changes.append(f"a parameter by {errors:.2g} times its error{' without it' if fit.widened else ''}")
     said = f"It would change {' and '.join(changes)}{'; the errors given include that' if fit.widened else ''}."
     return replace(told, message=f"{finding.message} {said}")

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation.levels import FEW
+from bristle.estimation import levels
 from bristle.estimation.score_test import Candidate, Score
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.moving_runs import REGRESSORS, load_columns, regressor_line, shows_gravity, turn_of
@@ -24,7 +24,7 @@ def candidates(
     `parameters` are names that are fitted already, `directions` how many directions have a friction of their own.
     """
     n = velocity.size
-    if n < FEW:
+    if n < levels.FEW:
         return []
     signals = {"time": time, "velocity": velocity, "position": position}
     scaled = {name: 2 * (x - x.min()) / np.ptp(x) - 1 for name, x in signals.items() if x.size == n and np.ptp(x) > 0}

@@ -8,9 +8,9 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import pattern_of
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import BIASED, MUCH_WORSE, NORMAL, OPINIONS_APART, PATTERN, SLOWEST_SHOWN
 from bristle.identification.fits import StaticFit, TrackingFit
 from bristle.identification.known_joint import KnownJoint, Source, as_identified, chosen, known_joint, value_fits
 from bristle.identification.measured import Measured
@@ -51,7 +51,7 @@ def band(v: Array, fit: StaticFit | TrackingFit, direction: str = "", *, constan
         reach = student(fit.degrees_of_freedom) if fit.degrees_of_freedom >= 1 else np.inf
         shifts = {name: fit.parameters[name.name].shifts for name in names if name.name in fit.parameters}
     else:
-        lugre, sides, reach = fit.values(direction), {direction, "both"}, NORMAL
+        lugre, sides, reach = fit.values(direction), {direction, "both"}, levels.NORMAL
         p, names = None if lugre is None else lugre.stribeck, list(fit.names)
         shifts = {name: fit.parameters[name].shifts for name in names if name in fit.parameters}
     keep = [k for k, x in enumerate(names) if (of_curve(x.name) and str(x.direction) in sides) or x.name == _DRAG]
@@ -64,7 +64,7 @@ def band(v: Array, fit: StaticFit | TrackingFit, direction: str = "", *, constan
     half = reach * np.sqrt(np.maximum(np.einsum("kn,kl,ln->n", j, covariance, j), 0.0))
     moved = [shifts.get(names[k], {}) if constants else {} for k in keep]
     for constant in dict.fromkeys(c for shift in moved for c in shift):  # all parameters by one constant together
-        half = np.hypot(half, NORMAL * np.array([shift.get(constant, 0.0) for shift in moved]) @ j)
+        half = np.hypot(half, levels.NORMAL * np.array([shift.get(constant, 0.0) for shift in moved]) @ j)
     return np.asarray(half)
 
 
@@ -109,7 +109,7 @@ def stated_curve(joint: Joint, v: Array) -> tuple[Array, Array]:
     if known is None or not np.isfinite(known.statistical):
         return friction, np.full(v.size, np.inf)
     rest = np.sqrt(max(known.band**2 - known.statistical**2, 0.0)) / 100
-    return friction, np.hypot(BIASED * half, rest * np.abs(friction))
+    return friction, np.hypot(levels.BIASED * half, rest * np.abs(friction))
 
 
 class FrictionPoints(NamedTuple):
@@ -183,8 +183,12 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
         return None
     exact = known_curve(joint, v, constants=False)[1]
     # a pattern that a fit leaves may be friction; errors allow for it, but shrink as a log grows
-    left = [PATTERN * float(np.sqrt(pattern_of(fit.residuals) / fit.n)) for fit in fits if isinstance(fit, TrackingFit)]
-    errors = (BIASED * _rms(np.where(np.isfinite(x), x, np.inf)) for x in (half, exact))
+    left = [
+        levels.PATTERN * float(np.sqrt(pattern_of(fit.residuals) / fit.n))
+        for fit in fits
+        if isinstance(fit, TrackingFit)
+    ]
+    errors = (levels.BIASED * _rms(np.where(np.isfinite(x), x, np.inf)) for x in (half, exact))
     statistical, alone = (100 * max([x, *left]) / size for x in errors)
 
     # the second opinion, from what the values come from: points at constant velocity, else moving runs
@@ -195,14 +199,14 @@ def accuracy_of(joint: Joint, measured: Measured, other: float = 0.0) -> Accurac
         opinion = of_points(np.array([s.velocity for s in points]), np.array([s.torque for s in points]))
     if opinion is not None:
         differs, explained = _differs(joint, opinion, v)
-        worse = opinion.held_out > MUCH_WORSE * max(fit.relative_error or 0.0 for fit in fits)
-        apart = differs if differs > max(explained, OPINIONS_APART) and not worse else 0.0
+        worse = opinion.held_out > levels.MUCH_WORSE * max(fit.relative_error or 0.0 for fit in fits)
+        apart = differs if differs > max(explained, levels.OPINIONS_APART) and not worse else 0.0
     # between one friction and two lies the offset, or half of what the levels differ by; nothing beside gravity, which an offset is part of
     values = {row.parameter: row.estimate.value or 0.0 for row in chosen(joint)}
     plus, minus = (values.get(ParameterName("alpha_0", d), 0.0) for d in SIGNED)
     gravity = any(name.name == "gravity_cos" for name in values)
     offset = next((x for name, x in values.items() if name.name == "offset"), (plus - minus) / 2)
-    sides = 0.0 if gravity else float(100 * NORMAL * np.sqrt(other * (1 - other)) * abs(offset) / size)
+    sides = 0.0 if gravity else float(100 * levels.NORMAL * np.sqrt(other * (1 - other)) * abs(offset) / size)
     effects = [100 * x.effect["torque"] / size for x in value_warnings(joint) if "torque" in x.effect]
     effects += [100 * _withheld(fit, v) / size for fit in fits if isinstance(fit, TrackingFit)]
     moving = joint.moving  # whose torque has the load, too, where a static fit of it does not
@@ -229,7 +233,7 @@ def slowest_shown(fits: Sequence[StaticFit | TrackingFit], top: float) -> float:
         peak = next((e for name, e in fit.parameters.items() if str(name) in named), None)
         if (v := fit.velocity).size > 1 and (peak is None or peak.value is None):
             seen = np.append(seen, v[np.abs(np.gradient(v)) < np.abs(v)] / top)
-    return top * float(np.sort(seen[seen > LEAST])[:SLOWEST_SHOWN].max(initial=LEAST))
+    return top * float(np.sort(seen[seen > LEAST])[: levels.SLOWEST_SHOWN].max(initial=LEAST))
 
 
 def _withheld(fit: TrackingFit, v: Array) -> float:
@@ -254,7 +258,7 @@ def _differs(joint: Joint, opinion: SecondOpinion, v: Array) -> tuple[float, flo
         f, other = (f - f_back) / 2, (other - other_back) / 2
         half, error = np.hypot(half, half_back) / 2, np.hypot(error, error_back) / 2
     known, size = np.isfinite(f), _rms(f[np.isfinite(f)]) or np.inf
-    return 100 * _rms((f - other)[known]) / size, 100 * _rms(np.hypot(half, NORMAL * error)[known]) / size
+    return 100 * _rms((f - other)[known]) / size, 100 * _rms(np.hypot(half, levels.NORMAL * error)[known]) / size
 
 
 def _rms(x: Array) -> float:

@@ -9,7 +9,7 @@ from scipy.special import expit
 
 from bristle.arrays import Array
 from bristle.data.experiment.schema import AS_WRITTEN
-from bristle.estimation.levels import BIC_GAIN, LOWER, MOSTLY, NO_COULOMB, OFTEN
+from bristle.estimation import levels
 from bristle.identification.comparison import APART, SYMMETRIC, Comparison
 from bristle.identification.curve import LEAST, accuracy_of, band, curve
 from bristle.identification.fits import TrackingFit
@@ -150,10 +150,10 @@ class _Decisions(SignalDecisions):
             said = [w for w in (moving.warnings if moving else ()) if w.numbers.get("over", "position") == "position"]
             of_term = (w.numbers for w in said if w.numbers.get("term", lacks.get(w.code)) == term)
             share = max((x["share"] for x in of_term), default=0.0)
-            if fit.set_up == AS_WRITTEN or share < MOSTLY or term in (fit.regressors or ()):
+            if fit.set_up == AS_WRITTEN or share < levels.MOSTLY or term in (fit.regressors or ()):
                 continue
             more = with_periods(with_options(self.measured, regressors=(*(fit.regressors or ()), term)))
-            if self.take(more, LOWER):
+            if self.take(more, levels.LOWER):
                 asked, orders = ", ".join(more.experiment.fit.regressors or ()), more.experiment.fit.orders
                 asked += f" of order {', '.join(map(str, orders))}" if isinstance(orders, tuple) and orders else ""
                 why = f"{term} explains {100 * share:.0f} % of what the others leave"
@@ -172,7 +172,7 @@ class _Decisions(SignalDecisions):
         compared = partial(bic_of_directions, measured, joint.tracking)
         bic, ended = compared()
         self.bic = bic
-        if not bic or bic[APART] >= bic[SYMMETRIC] - BIC_GAIN:
+        if not bic or bic[APART] >= bic[SYMMETRIC] - levels.BIC_GAIN:
             return
         sided = _with_directions(measured, "separate")
         each = self.fitted(sided, ended)
@@ -188,10 +188,10 @@ class _Decisions(SignalDecisions):
             )
             if alike or any(w.code == "offset-or-friction" for w in fit.warnings):
                 bic[APART] = np.nan
-            least = NO_COULOMB * float(np.sqrt(np.mean(fit.measured**2)))
-            levels = (e.value for name, e in fit.parameters.items() if name.name == "alpha_0")
-            bic[APART] = bic[APART] if all(x is not None and x > least for x in levels) else np.inf
-        if bic[APART] < bic[SYMMETRIC] - BIC_GAIN:
+            least = levels.NO_COULOMB * float(np.sqrt(np.mean(fit.measured**2)))
+            coulomb = (e.value for name, e in fit.parameters.items() if name.name == "alpha_0")
+            bic[APART] = bic[APART] if all(x is not None and x > least for x in coulomb) else np.inf
+        if bic[APART] < bic[SYMMETRIC] - levels.BIC_GAIN:
             self.measured, self.joint = sided, each
 
     def _law_of_motion(self, alone: TrackingFit) -> None:
@@ -232,7 +232,7 @@ def _common_speeds(velocity: Array) -> Array:
     moves, near = speed > LEAST * speed.max(), np.round(10 * np.log10(np.maximum(speed, 1e-300)))
     for sign in DIRECTIONS.values():
         own, count = np.unique(near[moves & (sign * velocity > 0)], return_counts=True)
-        often.append(own[count > OFTEN * count.sum()])
+        often.append(own[count > levels.OFTEN * count.sum()])
     return np.asarray(speed[moves & np.isin(near, np.intersect1d(*often))])
 
 
@@ -245,5 +245,5 @@ def _chosen(bic: Mapping[str, float], *, apart: bool) -> str:
     if not np.isfinite(more):
         return f"{took}, for {left} would leave a direction without friction, or drive it (fit.directions overrules)"
     higher = -more if apart else more
-    how = "worse" if higher >= 0 else f"better, by less than {BIC_GAIN:g}"
+    how = "worse" if higher >= 0 else f"better, by less than {levels.BIC_GAIN:g}"
     return f"{took}; {left} fits {how} (BIC {'higher' if higher >= 0 else 'lower'} by {abs(higher):.3g}; fit.directions overrules)"

@@ -12,6 +12,7 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import GONE
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.covariance import student
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.priors import DynamicStages, fit_with_priors
@@ -210,6 +211,8 @@ def _settings(experiment: Experiment, asked_law: str, training: Sequence[Record]
         "set-up": fit.set_up,
         "model": fit.model,
     }
+    if changed := levels.told():
+        settings["levels"] = changed
     if isinstance(fit.orders, tuple):
         _, turn = turn_of(experiment.joint.kind)
         settings["orders"] = f"{', '.join(map(str, fit.orders)) or 'none'}, periods per {turn}"

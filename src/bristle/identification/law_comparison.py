@@ -18,9 +18,9 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AS_WRITTEN, FitOptions
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.information import power_of
-from bristle.estimation.levels import BIC_GAIN, WORTH
 from bristle.estimation.nonlinear import Minimum, Unknowns
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.comparison import Comparison, Data, Fitted, LeftOut, Row, blocks_of_speed, rows_of
@@ -205,7 +205,7 @@ def law_warnings(laws: Comparison | None, fit: FitOptions) -> tuple[Finding, ...
     if laws is None:  # too few points are reported by the fit
         return ()
     best, own = laws.chosen, laws.row(fitted_law(fit)) or laws.row(fit.friction.name)
-    if own is None or not own.bic - best.bic > BIC_GAIN or not _predicts_better(best, own):
+    if own is None or not own.bic - best.bic > levels.BIC_GAIN or not _predicts_better(best, own):
         return ()
     words, numbers = _gain(best, own)
     message = f"Law {best.name} fits better: {words}. Under fit, write `law: {best.name}` (or `law: auto`)."
@@ -215,7 +215,7 @@ def law_warnings(laws: Comparison | None, fit: FitOptions) -> tuple[Finding, ...
 def term_that_pays(fit: FitOptions, laws: Comparison) -> str | None:
     """The law with v abs(v) or a rise with load, taken unasked for a better BIC and left-out error; None: no term."""
     paper, loads = laws.row(GAUSSIAN.name), dict.fromkeys((f"{GAUSSIAN.name}+{name}" for name in LOADS), _MOSTLY)
-    worth = {**loads, **({} if "quadratic" in (fit.regressors or ()) else {WITH_DRAG: WORTH})}
+    worth = {**loads, **({} if "quadratic" in (fit.regressors or ()) else {WITH_DRAG: levels.WORTH})}
     if fit.set_up == AS_WRITTEN or "law" in fit.model_fields_set or paper is None or paper.left_out is None:
         return None
     rows = [
@@ -224,7 +224,7 @@ def term_that_pays(fit: FitOptions, laws: Comparison) -> str | None:
         if row.name in worth and row.left_out is not None and worth[row.name] * row.left_out < paper.left_out
     ]
     best = min(rows, key=lambda row: row.bic, default=None)
-    return best.name if best is not None and paper.bic - best.bic > BIC_GAIN else None
+    return best.name if best is not None and paper.bic - best.bic > levels.BIC_GAIN else None
 
 
 def compare_laws(pose: Callable[[Law], Sequence[Regression]], in_force: Law) -> Comparison | None:
@@ -267,14 +267,14 @@ def _left_out(problems: Sequence[Regression]) -> LeftOut:
     return 100 * float(np.sqrt(total / power)) if power else None
 
 
-def ranked(data: Data, fitted: Sequence[Fitted], in_force: str, bic_gain: float = BIC_GAIN) -> Comparison | None:
+def ranked(data: Data, fitted: Sequence[Fitted], in_force: str) -> Comparison | None:
     """Fitted laws as a comparison with the chosen one, or None of the paper's alone; `in_force` is the fits'."""
     rows = rows_of(fitted) if fitted else []
     known = {row.name: row.bic for row in rows}
     if GAUSSIAN.name not in known or len(rows) < 2:
         return None
-    better = {name for name, bic in known.items() if known[GAUSSIAN.name] - bic > bic_gain}
-    doubted = known.get(in_force, -np.inf) - known[GAUSSIAN.name] > bic_gain
+    better = {name for name, bic in known.items() if known[GAUSSIAN.name] - bic > levels.BIC_GAIN}
+    doubted = known.get(in_force, -np.inf) - known[GAUSSIAN.name] > levels.BIC_GAIN
     predicted = {*better, GAUSSIAN.name, in_force} if better or doubted else set[str]()
     pairs = zip(fitted, rows, strict=True)
     rows = [replace(row, left_out=x.predicts() if x.name in predicted else None) for x, row in pairs]
@@ -283,7 +283,11 @@ def ranked(data: Data, fitted: Sequence[Fitted], in_force: str, bic_gain: float 
     clearly = [row for row in others if row.candidate and row.name in better and _predicts_better(row, paper)]
     best, other = min(clearly, key=lambda row: row.bic, default=paper), min(others, key=lambda row: row.bic)
     gain = paper.bic - other.bic
-    why = "it is not shown to predict speeds that were left out better" if better else f"{bic_gain:g} lower is required"
+    why = (
+        "it is not shown to predict speeds that were left out better"
+        if better
+        else f"{levels.BIC_GAIN:g} lower is required"
+    )
     message = (
         f"The data favour no other law than the paper's: the BIC of {other.name} is {abs(gain):.1f} {'lower' if gain > 0 else 'higher'}, "
         f"and {why}."

@@ -18,7 +18,7 @@ from bristle.data.sampling import averaged, with_motion
 from bristle.data.signal_checks import merged
 from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError, short, short_list
-from bristle.estimation.levels import HELD_SPEEDS, ONE_RATE
+from bristle.estimation import levels
 from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.fits import Estimate
 from bristle.identification.moving_runs import load_columns, longest_decimation, needed, terms_of, transient
@@ -106,7 +106,7 @@ def measure(experiment: Experiment | Path | str) -> Measured:
         experiment = in_own_unit(experiment, experiment.fit.regressors)
     measured = measured_of(experiment, runs)
     held, logged = len(measured.points(hold_out=False)), all(run.record.position is not None for run in runs)
-    if held >= HELD_SPEEDS or not logged or {run.kind for run in runs if not run.hold_out} != {"ramp"}:
+    if held >= levels.HELD_SPEEDS or not logged or {run.kind for run in runs if not run.hold_out} != {"ramp"}:
         return measured
 
     # too few constant velocities for points: taken as a motion
@@ -126,13 +126,13 @@ def judged(whole: Measured) -> Measured:
     return replace(whole, segments=segments, searches=searches)
 
 
-def measured_of(experiment: Experiment, runs: tuple[Run, ...], one_rate: float = ONE_RATE) -> Measured:
+def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
     """Runs cut into segments; moving ones get one decimation and low pass. Raises as `measure` does."""
     moving = [run.record for run in runs if run.kind == "tracking"]
     slowest = max((r for r in moving if r.time.size > 1), key=lambda r: r.step, default=None)
 
     def beside_slowest(record: Record) -> Record:  # with a note if it was sampled faster
-        if slowest is None or not (ratio := slowest.step / record.step) > one_rate or record.oversampled != 1:
+        if slowest is None or not (ratio := slowest.step / record.step) > levels.ONE_RATE or record.oversampled != 1:
             return record
         message = f"Sampled {ratio:.3g} times as fast as {slowest.file}: it is decimated by so much more, for equations as far apart."
         note = Finding("sampled-faster", NOTE, message, {"ratio": ratio, "slowest": slowest.file})

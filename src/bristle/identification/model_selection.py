@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import condition
 from bristle.estimation.information import bic, power_of
-from bristle.estimation.levels import DEPENDENT
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.comparison import APART, SYMMETRIC, Comparison, Data, Fitted, rows_of
 from bristle.identification.dynamic.descent import carried, fit, with_deflections, without_deflections
@@ -60,7 +60,7 @@ def compared(whole: Regression, static: Mapping[str, StaticFit], alone: Tracking
     for model in (COULOMB, VISCOUS, STRIBECK):
         lost = {name for name in whole.linear_names if model == COULOMB and name.name == "alpha_2"}
         problem = whole if model == STRIBECK else replace(whole.without(lost), peaks=())
-        if problem.torque.size > len(problem.names) and condition(problem.linear) <= DEPENDENT:
+        if problem.torque.size > len(problem.names) and condition(problem.linear) <= levels.DEPENDENT:
             solution = solve(problem, default_range(problem.velocity))
             solves[model] = solution.residuals, len(problem.names)
     if alone is not None:

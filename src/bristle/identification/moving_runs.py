@@ -86,10 +86,10 @@ def regressors_of(parameters: Collection[str], kind: Kind) -> tuple[str, ...]:
     return (*plain, *dict.fromkeys(each))
 
 
-def shows_gravity(kind: Kind, *positions: Array, swing: float = levels.SWING) -> bool:
+def shows_gravity(kind: Kind, *positions: Array) -> bool:
     """Whether positions, rad, of a joint that turns are far enough apart to show gravity."""
     whole = np.concatenate([np.zeros(0), *positions])
-    return bool(not slides(kind) and whole.size and np.ptp(whole) >= swing)
+    return bool(not slides(kind) and whole.size and np.ptp(whole) >= levels.SWING)
 
 
 def needed(record: Record, name: str) -> Array:
@@ -239,11 +239,11 @@ def directions(experiment: Experiment, records: Sequence[Record]) -> tuple[str, 
     return moved_in(records) if experiment.fit.directions == "separate" else ("both",)
 
 
-def moved_in(records: Sequence[Record], at_rest: float = levels.AT_REST) -> tuple[str, ...]:
+def moved_in(records: Sequence[Record]) -> tuple[str, ...]:
     """Directions that make more than a hundredth of the total way of the records."""
     velocity = np.concatenate([_of(r, "velocity") for r in records])
     way = {d: float(np.maximum(velocity * sign, 0.0).sum()) for d, sign in DIRECTIONS.items()}
-    return tuple(d for d, x in way.items() if x > at_rest * sum(way.values()))
+    return tuple(d for d, x in way.items() if x > levels.AT_REST * sum(way.values()))
 
 
 def inertia(experiment: Experiment) -> tuple[float | None, PlusMinus | None]:

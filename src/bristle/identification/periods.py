@@ -10,7 +10,7 @@ from bristle.arrays import Array
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import PERIODIC
 from bristle.errors import InputError
-from bristle.estimation.levels import SIGNIFICANCE
+from bristle.estimation import levels
 from bristle.estimation.score_test import Score, scores
 from bristle.findings import NOTE, Finding
 from bristle.identification.dynamic.claims import jacobian_and_residuals
@@ -100,7 +100,7 @@ def shown_orders(known: Array, rest: Array, columns: Mapping[int, Array]) -> tup
         noise = float(np.median(shares)) if shares else 1.0
         chance = {k: beside([k], [x for x in chosen if x != k], noise)[k].p for k in chosen}
         last = max(chosen, key=lambda k: chance[k])
-        if chance[last] * len(columns) * _AT_ONCE < SIGNIFICANCE:
+        if chance[last] * len(columns) * _AT_ONCE < levels.SIGNIFICANCE:
             break
         chosen.remove(last)
     return tuple(sorted(chosen))

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.special import stdtr
 
 from bristle.data.constant_velocity.segments import Segment
-from bristle.estimation.levels import DRIFTED, IN_ORDER, SEVERAL, SIGNIFICANCE
+from bristle.estimation import levels
 from bristle.findings import CAUTION, Finding, in_direction, unit_of
 from bristle.identification.fits import StaticFit
 from bristle.identification.measured import Measured
@@ -23,8 +23,8 @@ def point_warnings(measured: Measured, points: Sequence[Segment], static: Mappin
     for d, sign in DIRECTIONS.items():
         speeds = [abs(s.velocity) for s in points if s.velocity * sign > 0]
         ranks = np.argsort(np.argsort(speeds))
-        order = float(np.corrcoef(ranks, np.arange(len(speeds)))[0, 1]) if len(speeds) >= SEVERAL else 0.0
-        in_order |= {d: order} if abs(order) > IN_ORDER else {}
+        order = float(np.corrcoef(ranks, np.arange(len(speeds)))[0, 1]) if len(speeds) >= levels.SEVERAL else 0.0
+        in_order |= {d: order} if abs(order) > levels.IN_ORDER else {}
     scatter = max((fit.rms for fit in static.values() if fit.rms is not None), default=np.inf)
     level = float(np.median(np.abs([s.torque for s in points]))) if points else 0.0
     if not in_order or not level:
@@ -37,7 +37,7 @@ def point_warnings(measured: Measured, points: Sequence[Segment], static: Mappin
         time = record.time[part] - record.time[part].mean()
         slopes[k] = float(time @ torque[part]) / (float(time @ time) or 1.0) * float(np.sign(s.velocity))
         durations[k] = np.ptp(time)
-    if np.count_nonzero(durations) < SEVERAL:
+    if np.count_nonzero(durations) < levels.SEVERAL:
         return
     weight = durations**3 / np.sum(durations**3)  # the variance of a slope falls with the third power of its length
     mean = float(weight @ slopes)
@@ -46,7 +46,7 @@ def point_warnings(measured: Measured, points: Sequence[Segment], static: Mappin
     one = len({s.file for s in points}) == 1 and len(times) == len(points)
     across = abs(mean) * (max(times) - min(times) if one else float(durations.sum()))  # from first point to last
     chance = 2 * stdtr(1 / (weight @ weight) - 1, -abs(mean) / error) if error else 1.0
-    if chance > SIGNIFICANCE or across < DRIFTED * scatter:
+    if chance > levels.SIGNIFICANCE or across < levels.DRIFTED * scatter:
         return
     first = next(iter(in_order))
     direction, way = first if len(in_order) == 1 else "both", "rises" if in_order[first] > 0 else "falls"

@@ -8,8 +8,8 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array, Interval
+from bristle.estimation import levels
 from bristle.estimation.covariance import moved_without_each, student
-from bristle.estimation.levels import JACKKNIFE_RUNS, ONE_RUN, SIGNIFICANCE
 from bristle.findings import CAUTION, Finding
 from bristle.identification.fits import Estimate, RunScatter, StaticFit, TrackingFit, Uncertainty
 from bristle.model.parameters import ParameterName, least_of
@@ -27,7 +27,7 @@ def scatter_of(
         return None
     chi2 = float(weights @ (x - weights @ x / weights.sum()) ** 2) / (count - 1)
     ratio, factor, stretched = float(np.sqrt(chi2)), 1.0, 1.0
-    if chi2 > 1 and float(fdtrc(count - 1, freedoms.sum(), chi2)) < SIGNIFICANCE:
+    if chi2 > 1 and float(fdtrc(count - 1, freedoms.sum(), chi2)) < levels.SIGNIFICANCE:
         factor = ratio * float(weights.sum()) ** -0.5 / error
         factor, stretched = max(factor, 1.0), max(factor * _fewer(count - 1, freedom), 1.0)
     return RunScatter(before=ratio, widened=factor, stretched=stretched, by_run=dict(by_run))
@@ -48,7 +48,7 @@ def clustered(
     `freedom` is that of the intervals. With white residuals (`independent`) an F test of all parameters at once counts
     too.
     """
-    if len(parts) < JACKKNIFE_RUNS:
+    if len(parts) < levels.JACKKNIFE_RUNS:
         return {}
     J = np.concatenate([jacobian for jacobian, _ in parts.values()])
     size = np.maximum(np.linalg.norm(J, axis=0), 1e-300)
@@ -62,7 +62,7 @@ def clustered(
     # parameters that one run alone determines are left out
     without = (np.linalg.eigh(gram - of_run) for of_run in grams)
     apiece = np.array([(V**2 / np.maximum(w, 1e-12 * w[-1])).sum(axis=1) for w, V in without])
-    told = np.all(apiece < ONE_RUN**2 * np.diag(inverse), axis=0).tolist()
+    told = np.all(apiece < levels.ONE_RUN**2 * np.diag(inverse), axis=0).tolist()
     column = {name: k for k, name in enumerate(names) if told[k]}
     apart = independent and _differ(scaled)
     for name, e in of_all.items():
@@ -72,7 +72,7 @@ def clustered(
         as_logarithm = name in logarithmic
         ratio = error / (e.standard_error / (e.value if as_logarithm else 1.0))
         own = freedom[name] if isinstance(freedom, Mapping) else freedom
-        more = ratio > 1 and (apart or float(fdtrc(count - 1, own, ratio**2)) < SIGNIFICANCE)
+        more = ratio > 1 and (apart or float(fdtrc(count - 1, own, ratio**2)) < levels.SIGNIFICANCE)
         values = e.value * np.exp((count - 1) * move) if as_logarithm else e.value + (count - 1) * move
         found[name] = RunScatter(
             before=ratio, widened=ratio if more else 1.0,
@@ -82,7 +82,7 @@ def clustered(
     return found
 
 
-def _differ(parts: Sequence[tuple[Array, Array]], significance: float = SIGNIFICANCE) -> bool:
+def _differ(parts: Sequence[tuple[Array, Array]]) -> bool:
     """Whether runs fitted apart leave significantly less than the fit of all."""
     rank, explained, left, n = 0, 0.0, 0.0, 0
     for X, rest in parts:
@@ -93,7 +93,7 @@ def _differ(parts: Sequence[tuple[Array, Array]], significance: float = SIGNIFIC
     more, freedom = rank - parts[0][0].shape[1], n - rank
     if more < 1 or freedom < 1 or not left > 0:
         return False
-    return float(fdtrc(more, freedom, explained / more / (left / freedom))) < significance
+    return float(fdtrc(more, freedom, explained / more / (left / freedom))) < levels.SIGNIFICANCE
 
 
 def _fewer(most: int, own: float) -> float:

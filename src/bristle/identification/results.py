@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 from bristle.arrays import JsonForm, Number
 from bristle.data.constant_velocity.segments import Segment
 from bristle.errors import one_line
-from bristle.estimation.levels import NEED
+from bristle.estimation import levels
 from bristle.findings import Finding, Severity, with_subjects
 from bristle.identification.comparison import Comparison
 from bristle.identification.fits import Crosscheck, Estimate, Presliding, StaticFit, TrackingFit
@@ -111,7 +111,7 @@ class Joint:
     consistency: tuple[Consistency, ...] = ()
     accuracy: Accuracy | None = None
     """None where friction vs velocity is unknown."""
-    need: float = NEED
+    need: float = levels.NEED
     """Accuracy of friction, percent, that the verdict requires."""
     models: tuple[Comparison, ...] = ()
     """Friction models compared, on points and on moving runs."""

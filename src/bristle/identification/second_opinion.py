@@ -10,7 +10,7 @@ from scipy.optimize import lsq_linear
 
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.estimation.levels import ALIKE
+from bristle.estimation import levels
 
 BANDWIDTH, ABOVE = 0.999, 12.0  # share of the position's power within its bandwidth, and the low pass over it
 SLOWEST, BLOCKS, SAMPLES = 0.03, 10, 4000  # of the greatest speed; blocks in time, of few runs; equations
@@ -108,7 +108,7 @@ def _equations(record: Record, number: int) -> list[tuple[Array, ...]]:
     return found
 
 
-def _opinion(data: _Data, of_position: str = "", alike: float = ALIKE) -> SecondOpinion | None:
+def _opinion(data: _Data, of_position: str = "") -> SecondOpinion | None:
     blocks = np.unique(data.block)
     if data.v.size < 8 or blocks.size < 3:
         return None
@@ -128,7 +128,10 @@ def _opinion(data: _Data, of_position: str = "", alike: float = ALIKE) -> Second
     best, outs, tried = min(SHARES, key=left_by_peak), [data.block == k for k in blocks], []
     for set_up in ladder:
         names, X = _columns(data, set_up, best * top)
-        if X.shape[1] * 2 > data.v.size or np.linalg.cond(X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)) > alike:
+        if (
+            X.shape[1] * 2 > data.v.size
+            or np.linalg.cond(X / np.maximum(np.linalg.norm(X, axis=0), 1e-300)) > levels.ALIKE
+        ):
             continue
         left = [data.torque[out] - X[out] @ _solve(names, X[~out], data.torque[~out]) for out in outs]
         stray = 5 * 1.4826 * float(np.median(np.abs(np.concatenate(left)))) or np.inf

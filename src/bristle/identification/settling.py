@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from bristle.estimation.levels import CORRECTED, ON_THE_WAY, STRAIGHT
+from bristle.estimation import levels
 from bristle.identification.known_joint import chosen
 from bristle.identification.measured import Measured, judged
 from bristle.identification.results import Joint
@@ -41,7 +41,9 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
                 if record.position is not None:
                     line = record.position - s.velocity * record.time
                     line -= line[s.start : s.stop].mean()
-                    bent = np.flatnonzero(np.abs(line[: s.start]) > STRAIGHT * np.abs(line[s.start : s.stop]).max())
+                    bent = np.flatnonzero(
+                        np.abs(line[: s.start]) > levels.STRAIGHT * np.abs(line[s.start : s.stop]).max()
+                    )
                     begins[k] = max(int(bent[-1]) + 1 if bent.size else 0, *(x for x in record.starts if x <= s.start))
                 velocity[begins[k] : s.stop] = s.velocity
             for start, stop in pairwise([*record.starts, velocity.size]):
@@ -58,7 +60,7 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
                 off[k] = float(torque[s.start : s.stop].mean() - settled)
                 # approach of the torque to its mean since the last reversal, at the hold's speed
                 begun = slice(max(turns[turns <= begins[k]], default=0), s.stop)
-                near = np.abs(velocity[begun] - s.velocity) < ON_THE_WAY * abs(s.velocity)
+                near = np.abs(velocity[begun] - s.velocity) < levels.ON_THE_WAY * abs(s.velocity)
                 left = record.torque[begun][near] - np.stack([torque[begun][near], np.full(near.sum(), settled)])
                 squares += ((left - left[:, s.start - s.stop :].mean(axis=1, keepdims=True)) ** 2).sum(axis=1)
             if squares[0] < squares[1]:
@@ -66,4 +68,4 @@ def without_settling(measured: Measured, joint: Joint, before: Measured) -> Meas
                     own[k] = replace(found[k], torque=found[k].torque - off[k])
             largest = max(largest, *(abs(own[k].torque - last[k].torque) / error for k in points))
         segments.append(tuple(own))
-    return judged(replace(measured, segments=tuple(segments))) if largest > CORRECTED else None
+    return judged(replace(measured, segments=tuple(segments))) if largest > levels.CORRECTED else None

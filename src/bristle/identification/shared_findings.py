@@ -7,7 +7,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.estimation.levels import MATTERS, RARE
+from bristle.estimation import levels
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.fits import Crosscheck
 from bristle.model.parameters import SIGNED, Lugre, ParameterName
@@ -116,9 +116,11 @@ def offset_or_friction(
     variance = float(S[0, 0] - S[0, 1:] @ weight @ S[1:, 0])
     a, b = (float(values[name]) for name in pairs[0])
     common = (a + b) / 2
-    if abs(twice) < 2 * MATTERS * common or not variance > 0:
+    if abs(twice) < 2 * levels.MATTERS * common or not variance > 0:
         return []
-    if (rest and fdtrc(rest, freedom, others / rest) < RARE) or fdtrc(1, freedom, twice**2 / variance) > RARE:
+    if (rest and fdtrc(rest, freedom, others / rest) < levels.RARE) or fdtrc(
+        1, freedom, twice**2 / variance
+    ) > levels.RARE:
         return []
     T = unit_of("torque")
     message = (

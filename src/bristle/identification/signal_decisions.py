@@ -11,10 +11,10 @@ from bristle.data.experiment.constants import ONE
 from bristle.data.experiment.schema import AS_WRITTEN
 from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation, spectral_line
 from bristle.estimation.covariance import student
 from bristle.estimation.information import power_of
-from bristle.estimation.levels import BIC_GAIN, EARLY, LATEST_DELAY, LOWER, MOST_WAVES, MOSTLY, SURE
 from bristle.findings import CAUTION, CRITICAL, Finding
 from bristle.identification.dynamic.problem import Values
 from bristle.identification.fits import TrackingFit
@@ -93,7 +93,7 @@ class SignalDecisions:
         if (alone := self.joint.tracking) is None:
             return {}
         sides = directions(measured.experiment, measured.moving(hold_out=False))
-        found = refitted(measured, alone, sides, BIC_GAIN / 20, rough=True)
+        found = refitted(measured, alone, sides, levels.BIC_GAIN / 20, rough=True)
         files, run = np.unique(found.file, return_inverse=True)
         rms = np.sqrt(np.bincount(run, found.residuals**2) / np.bincount(run))
         return dict(zip(files.tolist(), rms.tolist(), strict=True))
@@ -102,7 +102,7 @@ class SignalDecisions:
         """Ratio of residuals below which other signals of the same motion explain the torque clearly better, by BIC."""
         alone = self.joint.tracking
         independent = 1.0 if alone is None else alone.residuals.size / inflation(alone.residuals)
-        return max(LOWER, float(np.exp(-BIC_GAIN / (2 * independent))))
+        return max(levels.LOWER, float(np.exp(-levels.BIC_GAIN / (2 * independent))))
 
     def choose_velocity(self) -> None:
         """Take the slope of the position for a logged velocity where it leaves clearly less of the torque: that is noisy, or late."""
@@ -136,8 +136,8 @@ class SignalDecisions:
         part = slice(*longest)
         step = float(np.median(np.diff(alone.time[part])))
         (line, share), (tone, single) = (spectral_line(x[part], step) for x in (alone.residuals, alone.velocity))
-        overtone = single > MOSTLY and tone > 0 and abs(line / tone - round(line / tone)) < _OVERTONE
-        if share > MOSTLY and line * step > MOST_WAVES and not overtone:
+        overtone = single > levels.MOSTLY and tone > 0 and abs(line / tone - round(line / tone)) < _OVERTONE
+        if share > levels.MOSTLY and line * step > levels.MOST_WAVES and not overtone:
             # the motion has it, and not its alias
             record = self.measured.moving(hold_out=False)[0]
             f, shaken = periodogram(np.asarray(record.velocity), 1 / record.step, window="hann")
@@ -180,7 +180,7 @@ class SignalDecisions:
             return without_twist(as_logged, compliance * asked, inertia, before)
 
         best = self._least(twisted, [1.0, 0.3], [np.inf, 1.0])
-        if best is not None and self.take(twisted(*best.x.tolist()), LOWER, afresh=True):
+        if best is not None and self.take(twisted(*best.x.tolist()), levels.LOWER, afresh=True):
             J = np.asarray(best.jac)
             spread = np.linalg.pinv(J.T @ J)[0, 0] * np.mean(best.fun**2) * inflation(best.fun)
             kind = as_logged.experiment.joint.kind
@@ -228,10 +228,12 @@ class SignalDecisions:
                 more = next((float(w.numbers["delay"]) for w in found), 0.0)
             elif abs(more) < error:
                 break
-            if not more or abs(late + more) >= LATEST_DELAY:
+            if not more or abs(late + more) >= levels.LATEST_DELAY:
                 break
             # once, for to interpolate smooths
-            if not self.take(without_delay(as_logged, late + more), 1.0 if late or source in COMMANDS else LOWER):
+            if not self.take(
+                without_delay(as_logged, late + more), 1.0 if late or source in COMMANDS else levels.LOWER
+            ):
                 break
             late, moving = late + more, self.joint.moving or moving
         if late < 0 and source not in COMMANDS and self._lagging(as_logged, -late):
@@ -254,7 +256,7 @@ class SignalDecisions:
         if any(r.position is not None for r in as_logged.moving(hold_out=False)):
             return False
         best = self._least(lambda times: without_lag(as_logged, times * late), [1.0], [_LONGEST])
-        if best is None or not self.take(without_lag(as_logged, best.x[0] * late), LOWER, afresh=True):
+        if best is None or not self.take(without_lag(as_logged, best.x[0] * late), levels.LOWER, afresh=True):
             return False
         self.told["chosen velocity"] = (
             f"logged behind the joint's with a time constant of {best.x[0] * late:.3g} s, which is taken off "
@@ -271,9 +273,9 @@ class SignalDecisions:
         )
         early = Finding("acts-early", CRITICAL, message, {"early": late}, {"torque": np.inf})
         half = max((r.fine or r).step for r in measured.moving(hold_out=False)) / 2  # the resolution of rows
-        self.doubts = (early,) if late > max(EARLY * error, half) else self._feedback(late)
+        self.doubts = (early,) if late > max(levels.EARLY * error, half) else self._feedback(late)
         told, reach = "as the drive makes it of its commands", student(np.inf) * error
-        if reach < LATEST_DELAY:
+        if reach < levels.LATEST_DELAY:
             digits = max(1 - int(np.floor(np.log10(error))), 0)
             value, off, low, high = (f"{x:.{digits}f}" for x in (-late, error, -late - reach, -late + reach))
             told += f", {value} +/- {off} s late [{low}, {high}]"
@@ -294,7 +296,7 @@ class SignalDecisions:
             return ()
         lower, of = -late * gain.value, unit("alpha_2", experiment.joint.kind)
         viscous = [x.estimate for x in chosen(self.joint) if x.parameter.name == "alpha_2"]
-        if any(e.value is not None and e.value - lower < -SURE * (e.standard_error or 0.0) for e in viscous):
+        if any(e.value is not None and e.value - lower < -levels.SURE * (e.standard_error or 0.0) for e in viscous):
             return ()  # friction would drive
         speed = float(np.sqrt(np.mean(np.concatenate([np.asarray(v) for v in velocity]) ** 2)))
         message = (

@@ -5,7 +5,7 @@ from dataclasses import replace
 from math import hypot, sqrt
 from typing import Any, TypeVar
 
-from bristle.estimation.levels import NORMAL
+from bristle.estimation import levels
 from bristle.identification.fits import Estimate, StaticFit, TrackingFit, Uncertainty
 from bristle.model.parameters import least_of
 
@@ -17,15 +17,15 @@ _ROUNDING = 1e-9  # of a value: smaller changes are zero
 def combined(interval: tuple[float, float], value: float, systematic: float, least: float = 0.0) -> tuple[float, float]:
     """A 95 % interval with a systematic standard error added in quadrature at each end, not below `least`."""
     low, high = interval
-    below = value - hypot(value - low, NORMAL * systematic)
-    return max(below, least) if low >= least else below, value + hypot(high - value, NORMAL * systematic)
+    below = value - hypot(value - low, levels.NORMAL * systematic)
+    return max(below, least) if low >= least else below, value + hypot(high - value, levels.NORMAL * systematic)
 
 
 def statistical(e: Estimate) -> tuple[float, float] | None:
     """The 95 % interval of an estimate without its systematic error."""
     if e.interval is None or e.value is None or not e.systematic:
         return e.interval
-    off = NORMAL * e.systematic
+    off = levels.NORMAL * e.systematic
     below, above = (abs(end - e.value) for end in e.interval)
     return e.value - sqrt(max(below**2 - off**2, 0.0)), e.value + sqrt(max(above**2 - off**2, 0.0))
 

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from bristle.arrays import Array, result
-from bristle.estimation.levels import HARDLY_SHOWN, MEMBERS
+from bristle.estimation import levels
 from bristle.findings import CAUTION, Finding
 from bristle.identification.dynamic.fit import hardly_seen
 from bristle.model import functions
@@ -59,9 +59,9 @@ class Information:
         kept = np.flatnonzero(size > 0)
         values, vectors = np.linalg.eigh(_scaled(self.matrix, size)[np.ix_(kept, kept)])
         for value, vector in zip(values, vectors.T, strict=True):
-            if value < HARDLY_SHOWN * values[-1]:
+            if value < levels.HARDLY_SHOWN * values[-1]:
                 share = np.abs(vector) / np.abs(vector).max()
-                order = [k for k in np.argsort(-share, kind="stable") if share[k] > MEMBERS]
+                order = [k for k in np.argsort(-share, kind="stable") if share[k] > levels.MEMBERS]
                 unseen.append(hardly_seen([(self.names[kept[k]], float(vector[k])) for k in order]))
         return tuple(unseen)
 

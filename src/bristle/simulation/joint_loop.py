@@ -13,7 +13,7 @@ from bristle.control.pid import Gains
 from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import AdaptOptions
 from bristle.errors import InputError
-from bristle.estimation.levels import FASTER
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.known_joint import DEFLECTION, inertia_of, rises_of, whole, without_load
 from bristle.identification.moving_runs import load_columns, terms_of
@@ -162,7 +162,7 @@ def one_way(loop: JointLoop) -> JointLoop:
     return replace(loop, plant=pair, model=pair, J=edro.inertia(pair), draws=())
 
 
-def of_experiment(experiment: Experiment, joint: Joint, faster: float = FASTER) -> JointLoop:
+def of_experiment(experiment: Experiment, joint: Joint) -> JointLoop:
     """A user's joint with its `adapt` options, or defaults.
 
     Raises InputError where no inertia or no complete model is known, or an option is not possible.
@@ -177,10 +177,10 @@ def of_experiment(experiment: Experiment, joint: Joint, faster: float = FASTER) 
     amplitude, frequency = requested_motion(asked, fastest)
     speed = 2 * np.pi * frequency * amplitude
     beyond = speed / fastest
-    if beyond > faster:
+    if beyond > levels.FASTER:
         raise InputError(
             f"{experiment.path}: adapt: a reference of {amplitude:g} at {frequency:g} Hz is {beyond:.3g} times as fast as anything measured; "
-            f"expected at most {faster:g} times: lower adapt.amplitude or adapt.frequency"
+            f"expected at most {levels.FASTER:g} times: lower adapt.amplitude or adapt.frequency"
         )
     if beyond > 1:
         message = f"The reference is {beyond:.2g} times as fast as anything measured: the model is extrapolated."

@@ -14,7 +14,6 @@ from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.record import Record
 from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation, standard_error
-from bristle.estimation.levels import SEVERAL, SHORT_PLATEAU
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
 
@@ -109,7 +108,7 @@ def evidence(record: Record, candidate: CandidateSpan, usual: Scale) -> Evidence
     )
 
 
-def _drift(x: Array, deviations: float = levels.DEVIATIONS) -> tuple[float, float, float]:
+def _drift(x: Array) -> tuple[float, float, float]:
     """Range of the parabola through x, four deviations of what noise makes of it, samples per independent one."""
     n = x.size
     if n < 4:
@@ -119,7 +118,7 @@ def _drift(x: Array, deviations: float = levels.DEVIATIONS) -> tuple[float, floa
     fitted = (basis @ x / (basis * basis).sum(axis=1)) @ basis
     rest = x - fitted
     correlation = inflation(rest)
-    return float(np.ptp(fitted)), deviations * float(np.std(rest) * np.sqrt(12 * correlation / n)), correlation
+    return float(np.ptp(fitted)), levels.DEVIATIONS * float(np.std(rest) * np.sqrt(12 * correlation / n)), correlation
 
 
 def _swing(v: Array, position: Array | None, time: Array, mean: float, quantum: float) -> tuple[float, float, float]:
@@ -179,9 +178,9 @@ def warnings(e: Evidence) -> Iterator[Finding]:
         yield Finding("torque-drifts", CAUTION, message, {"drift": e.torque_drift, "torque": e.torque})
 
 
-def sticks(e: Evidence, share: float = levels.STICKS, swings: float = levels.SWINGS) -> bool:
+def sticks(e: Evidence) -> bool:
     """Whether the joint sticks and slips: it rests over a share of the time, or its velocity swings too far about its mean."""
-    return e.resting > share or e.swing > swings * abs(e.velocity)
+    return e.resting > levels.STICKS or e.swing > levels.SWINGS * abs(e.velocity)
 
 
 def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> Finding | None:
@@ -191,11 +190,14 @@ def _too_short(e: Evidence, usual: Scale, t: Thresholds) -> Finding | None:
         asked = f"segments.minimum_duration requires {t.minimum_duration:.3g} s"
     elif e.torque_error is None:
         asked = "fewer than two of its torque samples are independent"
-    elif e.samples < SEVERAL * e.correlation:
-        least = SEVERAL * e.correlation * e.duration / e.samples
-        asked = f"{SEVERAL:g} independent samples require {least:.3g} s"
-    elif e.duration < SHORT_PLATEAU * usual.duration and abs(e.velocity) * e.duration < SHORT_PLATEAU * usual.distance:
-        duration, travel = SHORT_PLATEAU * usual.duration, SHORT_PLATEAU * usual.distance
+    elif e.samples < levels.SEVERAL * e.correlation:
+        least = levels.SEVERAL * e.correlation * e.duration / e.samples
+        asked = f"{levels.SEVERAL:g} independent samples require {least:.3g} s"
+    elif (
+        e.duration < levels.SHORT_PLATEAU * usual.duration
+        and abs(e.velocity) * e.duration < levels.SHORT_PLATEAU * usual.distance
+    ):
+        duration, travel = levels.SHORT_PLATEAU * usual.duration, levels.SHORT_PLATEAU * usual.distance
         asked = f"a quarter of this run's typical plateau, {duration:.3g} s or {travel:.3g} of travel, is required"
     else:
         return None
@@ -243,8 +245,9 @@ def _unsteadiness(e: Evidence, usual: Scale, t: Thresholds) -> Iterator[Finding]
         yield Finding("unsettled", NOTE, message, {"drift": e.torque_drift, "torque": e.torque})
 
 
-def _saturated(e: Evidence, most: float = levels.SATURATED) -> Finding | None:
-    if e.clipped <= most:
+def _saturated(e: Evidence) -> Finding | None:
+    if e.clipped <= levels.SATURATED:
         return None
-    message = f"Saturated: {100 * e.clipped:.0f} % of its samples are at the largest torque or voltage; {100 * most:.0f} % is allowed. Move slower."
+    share, allowed = 100 * e.clipped, 100 * levels.SATURATED
+    message = f"Saturated: {share:.0f} % of its samples are at the largest torque or voltage; {allowed:.0f} % is allowed. Move slower."
     return Finding("saturated", NOTE, message, {"share": e.clipped})

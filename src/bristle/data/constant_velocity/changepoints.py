@@ -14,7 +14,6 @@ from scipy.special import gammaln
 from bristle.arrays import Array
 from bristle.estimation import levels
 from bristle.estimation.autocorrelation import autocorrelation
-from bristle.estimation.levels import PLATEAU_BLOCKS
 
 _SMALLEST = 4  # samples in a block
 _BLOCKS = (16, 32, 64, 128, 256, 512, 2048)
@@ -87,7 +86,7 @@ def _cut(velocity: Array, torque: Array, start: int, stop: int, blocks: int) -> 
     edges[-1] = stop
     lines = []
     for i, j in _lines(u):
-        first, last = _settled(u, t, i, j) if j - i >= PLATEAU_BLOCKS else (i, j)
+        first, last = _settled(u, t, i, j) if j - i >= levels.PLATEAU_BLOCKS else (i, j)
         a, b = int(edges[first]), int(edges[last])
         score = _score(u[first:last], velocity[a:b])
         lines += [CandidateSpan(a, b, True, score)] if score else [CandidateSpan(int(edges[i]), int(edges[j]), False)]
@@ -154,7 +153,7 @@ def _without_transient(torque: Array, s: CandidateSpan) -> CandidateSpan:
 def _score(u: Array, v: Array) -> float:
     """Samples explained if block means u and samples v are a plateau; 0 if they are none."""
     m = u.size
-    if m < PLATEAU_BLOCKS:
+    if m < levels.PLATEAU_BLOCKS:
         return 0.0
     mean = float(abs(u.mean()))
     slope, level = np.polyfit(np.arange(m), u, 1)

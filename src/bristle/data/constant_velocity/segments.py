@@ -12,7 +12,7 @@ from bristle.data.constant_velocity.acceptance import Thresholds, evidence, reas
 from bristle.data.constant_velocity.changepoints import CandidateSpan, candidates
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.estimation.levels import EDGE, SAME_PLATEAU
+from bristle.estimation import levels
 from bristle.findings import NOTE, Finding
 
 __all__ = ["Segment", "Thresholds", "find_segments", "nothing_left"]
@@ -149,10 +149,14 @@ def _settling(velocity: Array, cut: Sequence[CandidateSpan]) -> list[CandidateSp
     owner: list[CandidateSpan | None] = [None] * len(cut)
     for j, plateau in enumerate(cut):
         began = plateau.start - plateau.cut
-        reach = (plateau.stop - began) / EDGE
+        reach = (plateau.stop - began) / levels.EDGE
         for way in (-1, 1):
             k = j + way
-            while plateau.plateau and 0 <= k < len(cut) and abs(means[k] - means[j]) <= SAME_PLATEAU * abs(means[j]):
+            while (
+                plateau.plateau
+                and 0 <= k < len(cut)
+                and abs(means[k] - means[j]) <= levels.SAME_PLATEAU * abs(means[j])
+            ):
                 s, before = cut[k], cut[k - way]
                 touches = s.stop == before.start or s.start == before.stop
                 away = began - s.start if way < 0 else s.stop - plateau.stop

@@ -401,7 +401,7 @@ def _of_points(log: _Log, guesses: Mapping[str, ColumnGuess], told: Told) -> boo
     raise InputError(f"{log.path}: no column is named as the time; {names} (there are: {log.there})")
 
 
-def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told, near: float = levels.FULL_TURN) -> bool:
+def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told) -> bool:
     """Whether a position in its unit, or else in rad, jumps by a full turn in one of the files."""
     unit, scale = told.units.get("position") or guess.unit or "rad", told.scales.get("position", 1.0)
     count = None if told.encoder_resolution is None else to_si(told.encoder_resolution, "rad")
@@ -409,7 +409,7 @@ def _wraps(files: Sequence[Path], guess: ColumnGuess, told: Told, near: float = 
         return False
     turn = 2 * np.pi / abs(factor(unit, "rad", scale=scale, resolution=count))
     jumps = (np.abs(np.diff(_Log(file).values(guess))) for file in files)
-    return any(bool((np.abs(jump / turn - 1) < near).any()) for jump in jumps)
+    return any(bool((np.abs(jump / turn - 1) < levels.FULL_TURN).any()) for jump in jumps)
 
 
 def _counted(

@@ -11,7 +11,7 @@ from bristle.data import units
 from bristle.data.columns import ISO, Key
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.errors import InputError, short
-from bristle.estimation.levels import GAP
+from bristle.estimation import levels
 from bristle.model.parameters import Kind, unit
 
 DRIVE = ("torque", "voltage", "current")  # a run has exactly one of them, or commands
@@ -325,7 +325,7 @@ class Cleaning(StrictModel):
 
     non_finite: Literal["drop", "refuse"] = "drop"  # rows with inf, nan or nothing in a signal
     backward: Literal["drop", "refuse"] = "refuse"  # rows with a time stamp before one that was seen
-    gap: Annotated[float, Field(gt=1)] = GAP
+    gap: Annotated[float, Field(gt=1)] = levels.GAP
     """Gap: an interval longer than this many median ones; nothing is filtered across it."""
     times: Literal["auto", "as-written"] = "auto"
     """Whether uneven samples are brought onto even times, or left."""

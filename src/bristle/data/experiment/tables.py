@@ -21,7 +21,7 @@ from bristle.data.experiment.signals import Context, Position, Signal, Signals, 
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.text_table import RawTable, Reader, naming, read_table
 from bristle.errors import InputError, check_name, short
-from bristle.estimation.levels import AS_SLOW
+from bristle.estimation import levels
 from bristle.findings import NOTE, Finding
 
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
@@ -177,7 +177,7 @@ def _on_rows_of_slowest(
     if table.time is None or np.logical_and.reduce(list(seen.values())).sum() >= fewest / 2:
         return table
     # of those that are about as slow the motion, whose derivatives interpolation would bend
-    slow = [name for name, rows in seen.items() if rows.sum() <= AS_SLOW * fewest]
+    slow = [name for name, rows in seen.items() if rows.sum() <= levels.AS_SLOW * fewest]
     base = next((name for name in ("position", "velocity") if name in slow), slow[0])
     rows = seen[base] & np.isfinite(table.time)
     columns, notes = {key: values[rows] for key, values in table.columns.items()}, list(table.notes)

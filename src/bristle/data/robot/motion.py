@@ -22,7 +22,7 @@ from bristle.data.robot.robot_file import Robot
 from bristle.data.robot.urdf import Payload, Urdf
 from bristle.data.text_table import RawTable, Reader, read_table
 from bristle.errors import InputError, short_list
-from bristle.estimation.levels import JOINT_RESTS, STILL
+from bristle.estimation import levels
 from bristle.findings import NOTE, Finding
 
 MAX_JOINTS = 100  # most joints that move: what Pinocchio keeps for a robot grows with their cube
@@ -167,7 +167,9 @@ def read_motions(robot: Robot, read: Reader) -> dict[str, RobotMotion]:
     farthest = {name: max((t.get(name, 0.0) for t in travels.values()), default=0.0) for name in robot.names}
     motions = dict[str, RobotMotion]()
     for key, own in records.items():
-        rests = {name for name, x in travels[key].items() if x <= max(JOINT_RESTS, STILL * farthest[name])}
+        rests = {
+            name for name, x in travels[key].items() if x <= max(levels.JOINT_RESTS, levels.STILL * farthest[name])
+        }
         at = {name: x if isinstance(x, float) else float(np.median(np.asarray(x.position))) for name, x in own.items()}
         motions[key] = RobotMotion(
             file=called[key],
@@ -192,7 +194,7 @@ def _motion(experiment: Experiment, run: RunFiles, sources: list[Source], read: 
     keys = keys_of(signals)
     logged = table.columns[keys["position"]] * signals.position.factor("position", experiment.context)
     seen = logged[np.isfinite(logged)]
-    if seen.size and np.ptp(seen) <= JOINT_RESTS:
+    if seen.size and np.ptp(seen) <= levels.JOINT_RESTS:
         return shown, float(np.median(seen))
     velocity = None if signals.velocity is None else table.columns[keys["velocity"]]
     if velocity is not None and np.ptp(velocity[np.isfinite(velocity)]) == 0:

@@ -14,13 +14,13 @@ from bristle.data.ros.bag import digest_of, topics_of
 from bristle.data.ros.definitions import fields_of
 from bristle.data.ros.names import JOINT_STATE, NO_STAMP, RECEIVED, STAMP, FieldPath, listed, numbers_of, path_of
 from bristle.errors import InputError, short_list
-from bristle.estimation.levels import GAP
+from bristle.estimation import levels
 from bristle.findings import NOTE, Finding
 
 _LISTED = 60  # columns of a topic that are listed
 
 
-def read_bag(path: Path, keys: Sequence[Key], gap: float = GAP) -> tuple[dict[Key, Array], str, tuple[Finding, ...]]:
+def read_bag(path: Path, keys: Sequence[Key]) -> tuple[dict[Key, Array], str, tuple[Finding, ...]]:
     """Columns of a bag, (messages of the topic of the time,), with its SHA-256 and notes.
 
     Times are in s from the first one. Columns of other topics than that of the time are interpolated linearly at its
@@ -61,7 +61,9 @@ def read_bag(path: Path, keys: Sequence[Key], gap: float = GAP) -> tuple[dict[Ke
             at, own = _stamps(read[base.topic][0], base), _stamps(values, clocks[p.topic])
             origin, order = int(at.max()), np.argsort(own, kind="stable")
             try:
-                columns[key] = brought_to(_seconds(at, origin), _seconds(own[order], origin), values[p][order], gap)
+                columns[key] = brought_to(
+                    _seconds(at, origin), _seconds(own[order], origin), values[p][order], levels.GAP
+                )
             except InputError as error:
                 raise InputError(f"{p.topic}: {error}") from error
 

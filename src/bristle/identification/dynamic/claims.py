@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.estimation.levels import NO_SIGN, RARE, RESOLVED, SIGNIFICANCE
+from bristle.estimation import levels
 from bristle.estimation.multistart import MultistartSolution
 from bristle.estimation.nonlinear import Private
 from bristle.estimation.score_test import moved_by, scores
@@ -44,13 +44,13 @@ def peak_doubts(problem: DynamicProblem, solution: MultistartSolution[Unknown]) 
         C = solution.covariance
         held = float(C[a, a] - (C[a, b] ** 2 / C[b, b] if C[b, b] > 0 else 0.0))
         p = float(fdtrc(2, solution.freedom, solution.values[alpha_1] ** 2 / (2 * held))) if held > 0 else 1.0
-        if not p < SIGNIFICANCE:
+        if not p < levels.SIGNIFICANCE:
             message = (
                 "Not identifiable from this motion: noise alone would look as much like a Stribeck peak in "
                 f"{100 * p:.0f} % of cases."
             )
             no_sign = Finding("unseen-no-peak", NOTE, message, {"percent": 100 * p})
-            doubts[alpha_1] = Finding("unseen-peak", NOTE, message, no_sign.numbers) if p < NO_SIGN else no_sign
+            doubts[alpha_1] = Finding("unseen-peak", NOTE, message, no_sign.numbers) if p < levels.NO_SIGN else no_sign
     return doubts
 
 
@@ -105,10 +105,10 @@ def _unresolved(
     samples = float(np.median(passed))
     message = (
         f"Not identifiable from this motion: reversals pass the bristle's deflection in {samples:.2g} samples, and "
-        f"{RESOLVED} are needed; log faster, or reverse more slowly."
+        f"{levels.RESOLVED} are needed; log faster, or reverse more slowly."
     )
-    too_fast = Finding("unseen-fast", NOTE, message, {"samples": samples, "least": RESOLVED})
-    return too_fast if samples < RESOLVED else None
+    too_fast = Finding("unseen-fast", NOTE, message, {"samples": samples, "least": levels.RESOLVED})
+    return too_fast if samples < levels.RESOLVED else None
 
 
 def warned(
@@ -172,7 +172,7 @@ def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown
     for name, k in looked_at.items():
         known = np.hstack([J, np.delete(differs, k, axis=1)])
         (found,) = scores(known, left, [differs[:, [k]]], solution.widening**2)
-        if isinstance(name, ParameterName) and found.p * len(looked_at) < SIGNIFICANCE:
+        if isinstance(name, ParameterName) and found.p * len(looked_at) < levels.SIGNIFICANCE:
             apart = float(abs(found.sizes[0]) / found.errors[0])
             message = (
                 f"Not identifiable from this motion: the halves of the record differ by {apart:.1f} standard errors; slow loading "
@@ -203,7 +203,7 @@ class AskedPeak(NamedTuple):
 
 
 def asked_peak(
-    problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction, chance: float = RARE
+    problem: DynamicProblem, solution: MultistartSolution[Unknown], direction: Direction, chance: float
 ) -> AskedPeak | None:
     """The Stribeck term of a direction that the residuals of a minimum without it ask for; None where they ask for none.
 

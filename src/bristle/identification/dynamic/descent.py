@@ -9,7 +9,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation.levels import BENT, EQUATIONS_EACH, SLID, START_WORTH
+from bristle.estimation import levels
 from bristle.estimation.multistart import SAME, MultistartSolution, solve_from_starts
 from bristle.estimation.nonlinear import Evaluate, LeastSquares, Minimum, Unknowns, minimise
 from bristle.identification.dynamic.claims import asked_peak
@@ -56,7 +56,7 @@ def polished(
     problem: DynamicProblem, posed: LeastSquares[Unknown], minimum: Minimum
 ) -> tuple[LeastSquares[Unknown], Minimum]:
     """A minimum that ran out of steps, continued with scales and bounds of its own; that of a rough problem is near enough."""
-    if minimum.converged or problem.is_rough or minimum.residuals.size < EQUATIONS_EACH * minimum.x.size:
+    if minimum.converged or problem.is_rough or minimum.residuals.size < levels.EQUATIONS_EACH * minimum.x.size:
         return posed, minimum
     near, better = solved(problem, posed.unknowns.values(minimum.x), _MORE)
     if better.cost > minimum.cost:
@@ -181,7 +181,7 @@ def solve_dynamic(
     def cost(posed: LeastSquares[Unknown], end: Minimum) -> float:
         """Of an end; a bristle that most motions never pass is a spring, and must explain most of the cost to be friction."""
         sets = sets_of(problem, posed.unknowns.values(end.x)).values()
-        return end.cost * (BENT if any(SLID * p.alpha_0 > stroke * p.sigma_0 for p in sets) else 1.0)
+        return end.cost * (levels.BENT if any(levels.SLID * p.alpha_0 > stroke * p.sigma_0 for p in sets) else 1.0)
 
     best = solve_from_starts(solve, begins, finish, progress, cost=cost)
     while search:
@@ -190,7 +190,7 @@ def solve_dynamic(
         for direction in problem.directions:
             alpha_1, v_s = (ParameterName(name, direction) for name in ("alpha_1", "v_s"))
             none = {alpha_1, v_s} <= best.values.keys() and best.values[alpha_1] <= errors[alpha_1]
-            if none and (asked := asked_peak(problem, best, direction, START_WORTH)):
+            if none and (asked := asked_peak(problem, best, direction, levels.START_WORTH)):
                 added |= {alpha_1: asked.alpha_1, v_s: asked.v_s}
         if not added:
             break

@@ -16,7 +16,7 @@ from bristle.data.differentiation import LOWEST, derivative, estimate_motion, sm
 from bristle.data.record import Record
 from bristle.data.sampling import with_motion
 from bristle.data.torque_checks import at_limits
-from bristle.estimation.levels import BIAS_UNSURE, MUCH_WORSE
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.claims import warned, without_weak
 from bristle.identification.dynamic.descent import fit
@@ -46,7 +46,7 @@ def without_count_bias(
     # root mean square residuals of the smooth motion over those of the readings, both at the estimate
     left, right = (float(np.linalg.norm(residuals(x, solved.values)[0])) for x in (smooth, solved.problem))
     ratio = left / max(right, 1e-300)
-    if ratio > MUCH_WORSE:
+    if ratio > levels.MUCH_WORSE:
         return _of_counts(solved, ratio)
     whole = np.concatenate(modelled(smooth, solved.values))
     torques = np.split(whole, np.cumsum([r.time.size for r in records])[:-1])
@@ -68,7 +68,7 @@ def without_count_bias(
         problem = replace(posed, priors=priors, sigma=solved.problem.sigma).rough()
         values, moved = fit(problem, solved.values, _STEPS, enough)
         ratio = float(np.sqrt(moved.cost / max(minimum.cost, 1e-300)))
-        if count and ratio > MUCH_WORSE:
+        if count and ratio > levels.MUCH_WORSE:
             return _of_counts(solved, ratio)
         ends.append([values[name] for name in known])
     uncounted, *ends = ends
@@ -135,7 +135,7 @@ def _corrected(
         (bias, scatter), value, error = moved[name], e.value, e.standard_error
         if of_friction(name.name) and value and error:
             errors, share = abs(bias) / error, abs(bias / value)
-            if errors > 1 and errors * share > BIAS_UNSURE:
+            if errors > 1 and errors * share > levels.BIAS_UNSURE:
                 message = (
                     f"Not identifiable from this motion: encoder counts bias it by {100 * share:.0f} % of its value, "
                     f"{errors:.1f} standard errors, too much to be subtracted; a finer encoder would show it."

@@ -258,7 +258,7 @@ def estimates_of(
     # parameters that take up an omitted term by more than an error
     for direction in problem.directions:
         without = problem.fixed.get(ParameterName("alpha_1", direction)) == 0
-        moved = asked.moved if without and (asked := asked_peak(problem, solution, direction)) else {}
+        moved = asked.moved if without and (asked := asked_peak(problem, solution, direction, levels.RARE)) else {}
         mine = (ParameterName(name, direction) for name in ("alpha_0", "alpha_2"))
         beside |= {name for name in mine if abs(moved.get(name, 0.0)) > errors.get(name, np.inf)}
     estimates = warned(estimates, dict.fromkeys(beside, TAKES_UP_PEAK))

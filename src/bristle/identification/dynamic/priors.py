@@ -14,7 +14,7 @@ from bristle.data.encoder import resolution
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.errors import InputError
-from bristle.estimation.levels import FACTOR, SIGNIFICANCE
+from bristle.estimation import levels
 from bristle.estimation.profile_likelihood import Profiled
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.dynamic.descent import (
@@ -121,7 +121,7 @@ def fit_with_priors(
     joint = with_systematic(joint, shifts_of(solved))
     agree, warnings = _consistency(priors, alone, joint), [*joint.warnings]
     of_joint, of_alone = joint.relative_error, alone.relative_error
-    if of_joint > FACTOR * of_alone:
+    if of_joint > levels.FACTOR * of_alone:
         message = (
             "The joint fit explains the moving runs much worse than a fit of these alone (relative error "
             f"{of_joint:.3g} % instead of {of_alone:.3g} %): the stages contradict each other."
@@ -280,7 +280,7 @@ def _consistency(priors: Sequence[Prior], alone: TrackingFit, joint: TrackingFit
     rows = []
     # limit of a normal difference (Bonferroni)
     count = sum(alone.parameters[name].value is not None for prior in priors for name in prior.names)
-    limit = float(ndtri(1 - SIGNIFICANCE / (2 * max(count, 1))))
+    limit = float(ndtri(1 - levels.SIGNIFICANCE / (2 * max(count, 1))))
     for prior in priors:
         errors = np.sqrt(np.diag(np.linalg.inv(prior.root.T @ prior.root)))
         for k, (name, value, error) in enumerate(zip(prior.names, prior.value.tolist(), errors.tolist(), strict=True)):

@@ -16,7 +16,7 @@ from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
 from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError
-from bristle.estimation.levels import TURNING, TURNING_BESIDE
+from bristle.estimation import levels
 from bristle.identification.load_levels import Load, levels_of, load_of
 from bristle.identification.moving_runs import DIRECTIONS, decimator, extra_columns, given_by, known_torque
 from bristle.model.laws.gaussian import GAUSSIAN
@@ -203,8 +203,8 @@ class DynamicProblem:
     def turns(self) -> NDArray[np.bool_]:
         """Equations at a reversal or at rest, and their neighbours, (n,)."""
         speed = np.abs(self.velocity)
-        slowest = minimum_filter1d(speed, 2 * TURNING_BESIDE + 1)
-        return np.asarray(slowest < TURNING * np.sqrt(np.mean(speed**2)))
+        slowest = minimum_filter1d(speed, 2 * levels.TURNING_BESIDE + 1)
+        return np.asarray(slowest < levels.TURNING * np.sqrt(np.mean(speed**2)))
 
     @property
     def measured(self) -> Array:
@@ -363,7 +363,7 @@ def _rollout_groups(
     for members in np.split(np.arange(sizes.size), np.flatnonzero(np.diff(group)) + 1):
         which, stops = members.tolist(), np.cumsum(sizes[members])
         motions, begins = [problem.motions[k] for k in which], stops - sizes[members]
-        levels, (raised, *_) = zip(*(_level(m, known) for m in motions), strict=True)
+        friction, (raised, *_) = zip(*(_level(m, known) for m in motions), strict=True)
         yield (
             dict(zip(which, map(slice, begins.tolist(), stops.tolist()), strict=True)),
             raised,
@@ -371,7 +371,7 @@ def _rollout_groups(
                 "velocity": np.concatenate([m.velocity for m in motions]), "coarsening": motions[0].coarsening,
                 "step": np.concatenate([x for m in motions for x in (m.step, [1.0])])[:-1], "begins": begins,
                 "z0": np.array([known[InitialState("z0", k)] for k in which]),
-                "level": None if levels[0] is None else np.hstack(levels),
+                "level": None if friction[0] is None else np.hstack(friction),
             },
         )  # fmt: skip  # a list of values
 
@@ -382,10 +382,10 @@ def _level(motion: Motion, known: Values) -> tuple[Array | None, tuple[Parameter
     if load is None:
         return None, ()
     both = (load.levels, load.weights)
-    levels, weights = ([ParameterName(name, Direction.SHARED) for name in names] for names in both)
+    rising, weights = ([ParameterName(name, Direction.SHARED) for name in names] for names in both)
     rises, slopes = load.by({name.name: known[name] for name in weights})
-    by = np.array([known[name] for name in levels])
-    return np.vstack([by @ rises, rises, np.einsum("m,mkn->kn", by, slopes)]), (*levels, *weights)
+    by = np.array([known[name] for name in rising])
+    return np.vstack([by @ rises, rises, np.einsum("m,mkn->kn", by, slopes)]), (*rising, *weights)
 
 
 def modelled(problem: DynamicProblem, values: Values) -> list[Array]:

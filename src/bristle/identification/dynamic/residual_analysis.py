@@ -227,7 +227,7 @@ def _flexible(found: Score, _: int) -> Finding | None:
     return Finding("flexible-drive", CAUTION, message, numbers) if compliance > 0 else None
 
 
-def _dead_zone(largest: float, found: Score, which: int, factor: float = levels.FACTOR) -> Finding | None:
+def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
     """A torque that misses a constant above it, and everything below."""
     missing = -float(found.sizes[0])
     message = (
@@ -236,7 +236,7 @@ def _dead_zone(largest: float, found: Score, which: int, factor: float = levels.
         "reversals look softer; switch it off, or add it to the torque."
     )
     said = Finding("torque-missing", CAUTION, message, {"torque": missing, "share": found.share}, {"torque": missing})
-    return said if 1 / factor < missing / (_ZONES[which] * largest) < factor else None
+    return said if 1 / levels.FACTOR < missing / (_ZONES[which] * largest) < levels.FACTOR else None
 
 
 def _saturates(read: float, largest: float, found: Score, which: int) -> Finding | None:

@@ -6,10 +6,9 @@ from dataclasses import replace
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation import interval_comparison
+from bristle.estimation import interval_comparison, levels
 from bristle.estimation.bootstrap import SHOWN, bootstrap_at
 from bristle.estimation.covariance import seen
-from bristle.estimation.levels import ENOUGH, FEW
 from bristle.estimation.profile_likelihood import Profiled, profiles
 from bristle.estimation.score_test import moved_by
 from bristle.findings import CRITICAL, NOTE, Finding
@@ -79,9 +78,9 @@ def _three(
         return np.where(np.isin(x, limits), x, np.clip(new + (inside - value) * wider, *limits))
 
     low, high = moved(np.array(profile.interval)).tolist()
-    ends = None if drawn is None or blocks < FEW else moved(drawn[0]).tolist()
+    ends = None if drawn is None or blocks < levels.FEW else moved(drawn[0]).tolist()
     bootstrap = None if ends is None else (ends[0], ends[1])
-    few, warnings = f"{blocks} blocks of independent residuals" if blocks < ENOUGH else None, profile.warnings
+    few, warnings = f"{blocks} blocks of independent residuals" if blocks < levels.ENOUGH else None, profile.warnings
     if e.value is not None:
         ways = (e.interval, (low, high), bootstrap)
         warnings = (*warnings, *interval_comparison.warnings(e.value, *ways, at_bound=value == 0, few=few))

@@ -10,8 +10,8 @@ from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.data.slow_loading import Loading, find_all_loadings, find_loops
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import FEW, ONSET, OUTLIER, REACH, SURE
 from bristle.findings import CAUTION, NOTE, Finding, in_direction, in_units, unit_of
 from bristle.identification.fits import Estimate, Presliding, PreslidingFit, Uncertainty
 from bristle.identification.presliding.softening import softening, with_most
@@ -34,19 +34,17 @@ from bristle.model.parameters import Kind, unit
 from bristle.model.vectorize import evaluate
 
 _SINGLE = 0.1  # assumed relative standard error of a single breakaway torque
-_CREEP = 1 / (ONSET - 1)
-"""Share of a breakaway torque, found by speed, by which g0 may be higher, from LuGre's creep."""
 
 
 def identify_presliding(
     records: Sequence[Record],
-    levels: Mapping[str, KnownValue],
+    breakaways: Mapping[str, KnownValue],
     inertia: KnownValue | None,
     options: FitOptions,
     resolution: float | None,
     kind: Kind,
 ) -> Presliding:
-    """The results of presliding runs; `levels` are g0 per direction. Raises InputError where a run loads nothing."""
+    """The results of presliding runs; `breakaways` are g0 per direction. Raises InputError where a run loads nothing."""
     records = [r if r.cutoff else replace(r, cutoff=of_slow_loading(r)[0]) for r in records]
     found = find_all_loadings(records, resolution, options.breakaway_displacement)
     for record, of_record in zip(records, found, strict=True):
@@ -62,11 +60,12 @@ def identify_presliding(
         if own_slid:
             breakaway[direction], outliers = _breakaway(own_slid, direction, kind)
             warnings += outliers
-    creep = 0.0 if options.breakaway_displacement else _CREEP
+    # of a breakaway torque, found by speed: by which g0 may be higher, from LuGre's creep
+    creep = 0.0 if options.breakaway_displacement else 1 / (levels.ONSET - 1)
     for direction in sorted({loading.direction for loading in loadings}):
         own = [x for x in loadings if x.direction == direction]
         held = max(x.held for x in own)
-        level = levels.get(direction)
+        level = breakaways.get(direction)
         if level is None or (level.is_bound and (held > level.value or breakaway)):
             level = _from_breakaway(breakaway, direction, held, creep)
         fits[direction] = fit_presliding(own, level, inertia, kind)
@@ -102,7 +101,7 @@ def fit_presliding(
             ends = [*sigma_0.interval, *softens.numbers["sigma_0"]]
             error = max(sigma_0.standard_error or 0.0, (max(ends) - min(ends)) / (2 * student(np.inf)))
             sigma_0 = replace(sigma_0, standard_error=error, interval=(min(ends), max(ends)))
-    if 0 < counts < FEW * len(loadings):
+    if 0 < counts < levels.FEW * len(loadings):
         message = (
             f"Few encoder counts: {counts} edges in {len(loadings)} loadings; use a finer encoder, or load closer to "
             "breakaway."
@@ -123,13 +122,13 @@ def fit_presliding(
     sigma_0 = with_shifts(sigma_0, loadings, level)
     warnings += [warning for warning in three.warnings if warning.code == "intervals-differ"]
     reached = max((x.held for x in loadings if x.breakaway is None), default=0.0)
-    if not level.is_bound and reached > level.value + SURE * level.standard_error:
+    if not level.is_bound and reached > level.value + levels.SURE * level.standard_error:
         of = unit_of("torque")
         message = (
             f"The torque reaches {reached:.3g}{of} without sliding, above g0 = {level.value:.3g}{of} "
-            f"({level.source.message}): g0 may be too low. Samples above {REACH:g} g0 are not used."
+            f"({level.source.message}): g0 may be too low. Samples above {levels.REACH:g} g0 are not used."
         )
-        numbers = {"reached": reached, "g0": level.value, "source": level.source, "reach": REACH}
+        numbers = {"reached": reached, "g0": level.value, "source": level.source, "reach": levels.REACH}
         warnings.append(Finding("above-g0", CAUTION, message, numbers))
     return PreslidingFit(
         direction=direction, printed=printed(loadings, level.value, kind), sigma_0=sigma_0,
@@ -172,7 +171,7 @@ def _breakaway(slid: Sequence[Loading], direction: str, kind: Kind) -> tuple[Est
     reach = student(n - 1) * error
     warnings, of = list[Finding](), unit_of("torque")
     for loading, value in zip(slid, torque.tolist(), strict=True):
-        if n > 2 and abs(value - middle) > OUTLIER * middle:
+        if n > 2 and abs(value - middle) > levels.OUTLIER * middle:
             message = (
                 f"{loading.file} is an outlier: it breaks away at {value:.4g}{of}; the median of {n} runs{in_direction(direction)} "
                 f"is {middle:.4g}{of}."

@@ -9,9 +9,9 @@ from scipy.special import stdtrit
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import DEPENDENT, KNOTS, NEAREST, PER_KNOT, RARE, SOFTER, VAGUE
 from bristle.estimation.profile_likelihood import interval_on_grid
 from bristle.findings import CAUTION, Finding, in_direction
 from bristle.identification.presliding.stiffness import KnownValue, of_loading, unbent
@@ -60,11 +60,11 @@ def softening(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> Fin
     points, line = _points(loadings, level.value), None
     # even knots, as many as the points determine, with some points before each
     most = float(points.T.max(initial=0.0))
-    for count in range(min(KNOTS[1], points.T.size // PER_KNOT), KNOTS[0] - 1, -1):
+    for count in range(min(levels.KNOTS[1], points.T.size // levels.PER_KNOT), levels.KNOTS[0] - 1, -1):
         knots = most * np.arange(1, count + 1) / count
-        if most > 0 and (np.histogram(points.T, [0.0, *knots])[0] >= PER_KNOT // 2).all():
+        if most > 0 and (np.histogram(points.T, [0.0, *knots])[0] >= levels.PER_KNOT // 2).all():
             line = _line(points, knots, level.value)
-        if line is not None and (np.sqrt(np.diag(line.covariance)) < VAGUE * line.y).all():
+        if line is not None and (np.sqrt(np.diag(line.covariance)) < levels.VAGUE * line.y).all():
             break
         line = None
     if line is None:
@@ -74,7 +74,10 @@ def softening(loadings: Sequence[Loading], level: KnownValue, kind: Kind) -> Fin
         width = min(level.standard_error, 0.1 * level.value)
         falls = [other.fall for s in (-1, 1) if (other := _line(points, knots, level.value + s * width)) is not None]
         by_level = abs(falls[-1] - falls[0]) / (2 * width) * level.standard_error if len(falls) == 2 else np.inf
-    if line.fall > stdtrit(line.freedom, RARE) * np.hypot(line.error, by_level) or np.exp(line.fall) > 1 - SOFTER:
+    if (
+        line.fall > stdtrit(line.freedom, levels.RARE) * np.hypot(line.error, by_level)
+        or np.exp(line.fall) > 1 - levels.SOFTER
+    ):
         return None
     secant, lugre = knots / line.y, knots / line.U
     low, high, of, d = float(knots[0]), float(knots[-1]), unit("torque", kind), loadings[0].direction
@@ -139,12 +142,12 @@ def _points(loadings: Sequence[Loading], g0: float) -> _Points:
 
 def _line(points: _Points, knots: Array, g0: float) -> _Bending | None:
     """The line f by weighted least squares, or None."""
-    U, at = (unbent(np.minimum(T, NEAREST * g0), g0) for T in (points.T, knots))
+    U, at = (unbent(np.minimum(T, levels.NEAREST * g0), g0) for T in (points.T, knots))
     columns = [np.interp(U, [0.0, *at], row) for row in np.eye(at.size + 1)[1:]]
     centred, used = _within_loadings(np.column_stack([points.y, *columns]), points)
     y, A = centred[:, 0], centred[:, 1:]
     scale = np.linalg.norm(A, axis=0)
-    if (scale == 0).any() or np.linalg.cond(A / scale) > DEPENDENT or y.size <= used + at.size:
+    if (scale == 0).any() or np.linalg.cond(A / scale) > levels.DEPENDENT or y.size <= used + at.size:
         return None
     inverse = np.linalg.pinv(A)
     found = inverse @ y

@@ -9,9 +9,9 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import NEAREST, REACH
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.identification.systematic import shifted
@@ -136,18 +136,18 @@ def unbent(torque: Array, g0: float) -> Array:
 
 def of_loading(loading: Loading, g0: float) -> Piece:
     """A loading below REACH of g0, N*m."""
-    low = loading.torque < REACH * g0
+    low = loading.torque < levels.REACH * g0
     stop = low.size if low.all() else int(np.argmin(low))
     reached = float(loading.displacement[:stop].max(initial=0.0))
     edge = loading.edge_displacement <= reached
-    T = np.minimum(loading.edge_torque[edge], NEAREST * g0)
+    T = np.minimum(loading.edge_torque[edge], levels.NEAREST * g0)
     y, U = loading.edge_displacement[edge], unbent(T, g0)
     # weights from a line through the edges, because noise in T raises U and would lower its weight
     along = y / y[-1] if y.size else y
     line = np.polynomial.polynomial.polyfit(along, U, min(y.size - 1, 1), w=1 - T / g0) if y.size else np.zeros(1)
     return Piece(
         time=loading.time[:stop], y=loading.displacement[:stop],
-        U=unbent(np.minimum(loading.torque[:stop], NEAREST * g0), g0), edge_y=y, edge_U=U,
+        U=unbent(np.minimum(loading.torque[:stop], levels.NEAREST * g0), g0), edge_y=y, edge_U=U,
         weight=np.exp(-2 * np.maximum(np.polynomial.polynomial.polyval(along, line), 0.0) / g0),
     )  # fmt: skip  # a list of values
 

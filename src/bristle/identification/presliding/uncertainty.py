@@ -6,9 +6,8 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.slow_loading import Loading
-from bristle.estimation import interval_comparison
+from bristle.estimation import interval_comparison, levels
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import LEAST_FREEDOM
 from bristle.identification.fits import Estimate, RunScatter, Uncertainty
 from bristle.identification.presliding.stiffness import KnownValue, estimator_of, of_loading, quantum_of
 from bristle.identification.repeats import limit_widening, scatter_of
@@ -62,7 +61,7 @@ def stiffness_scatter(loadings: Sequence[Loading], level: KnownValue, estimate: 
     alone = {
         file: (value, error, freedom)
         for file, (value, error, freedom) in each.items()
-        if 0 < value < np.inf and 0 < error < np.inf and freedom >= LEAST_FREEDOM
+        if 0 < value < np.inf and 0 < error < np.inf and freedom >= levels.LEAST_FREEDOM
     }
     of_all, own, freedom = solve([piece for pieces in by_file.values() for piece in pieces])
     values, errors, freedoms = np.array(list(alone.values())).reshape(-1, 3).T

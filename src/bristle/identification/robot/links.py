@@ -11,8 +11,8 @@ from bristle.data.bandwidth import decimation
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
 from bristle.data.robot.motion import RigidBody
+from bristle.estimation import levels
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import LINKS_OFF, ORDER_BETTER, SURE
 from bristle.findings import CAUTION, CRITICAL, Finding
 from bristle.identification.dynamic.fit import fit_tracking
 from bristle.identification.dynamic.priors import posed_and_start
@@ -37,7 +37,7 @@ class LinkScale:
     @property
     def told(self) -> bool:
         """Whether the links' torque stands out of the residuals."""
-        return self.explained > self.left and SURE * self.error < abs(self.scale)
+        return self.explained > self.left and levels.SURE * self.error < abs(self.scale)
 
 
 UNSEEN = LinkScale(scale=0.0, error=np.inf, explained=0.0, left=0.0)  # without information
@@ -77,11 +77,11 @@ def scale_beside_bristles(experiment: Experiment, records: Sequence[Record], fou
     return LinkScale(scale=links.value, error=links.standard_error, explained=explained, left=fit.rms)
 
 
-def torque_constant(found: LinkScale, kind: Kind, effort: str = "A", sure: float = SURE) -> Estimate:
+def torque_constant(found: LinkScale, kind: Kind, effort: str = "A") -> Estimate:
     """N*m or N per unit of effort, as the links tell it; without a value where they do not."""
     of = unit("torque", kind)
     in_torque = f"{of}/{effort}"
-    if found.scale + sure * found.error < 0 and found.explained > found.left:
+    if found.scale + levels.SURE * found.error < 0 and found.explained > found.left:
         message = (
             f"The effort goes against the torque of the links ({found.scale:.3g} +/- {found.error:.2g} {effort}/({of})): check "
             "gravity, the order of the joints, and the sign of the effort."
@@ -103,7 +103,7 @@ def torque_constant(found: LinkScale, kind: Kind, effort: str = "A", sure: float
 
 def scale_warnings(found: LinkScale) -> Iterator[Finding]:
     """A caution where known links would fit with another scale."""
-    if found.explained > found.left and abs(found.scale - 1) > max(SURE * found.error, LINKS_OFF):
+    if found.explained > found.left and abs(found.scale - 1) > max(levels.SURE * found.error, levels.LINKS_OFF):
         message = (
             f"The torque of the links would fit {found.scale:.3g} +/- {found.error:.2g} times as large as the URDF has it: "
             "check its masses, robot.payload and the torque constant."
@@ -181,7 +181,7 @@ def order_warnings(
         numbers = {"better": better, "gain": as_given - score}
         found.append((score, Finding("gravity-direction", CRITICAL, message, numbers)))
     best, warning = min(found, key=lambda x: x[0], default=(as_given, None))
-    return (warning,) if warning is not None and best < as_given - ORDER_BETTER else ()
+    return (warning,) if warning is not None and best < as_given - levels.ORDER_BETTER else ()
 
 
 def coupling(course: Course, moved: Array, joint: int) -> float:

@@ -22,7 +22,7 @@ from bristle.data.robot.motion import (
 )
 from bristle.data.robot.robot_file import JointOfRobot, Robot
 from bristle.data.robot.urdf import Urdf
-from bristle.estimation.levels import BEYOND_LIMIT, CLEAR, LINK_TORQUE, NO_DRIVE, PEAK_EFFORT, SAMPLES_BEYOND
+from bristle.estimation import levels
 from bristle.findings import CAUTION, CRITICAL, Finding, unit_of
 from bristle.identification.fits import Estimate
 from bristle.identification.measured import Measured, measured_of, refuse_repeated
@@ -148,7 +148,7 @@ def _with_constant(
 ) -> tuple[Experiment, tuple[Run, ...]]:
     """The joint in N*m by a torque constant; without one in A, links as regressor if clear."""
     if K is None:
-        clear = found.scale > CLEAR * found.error
+        clear = found.scale > levels.CLEAR * found.error
         beside = tuple(name for name in regressors(experiment) if name not in LEVELS)
         asked = tuple(dict.fromkeys((*beside, "links"))) if clear else experiment.fit.regressors
         by = experiment.motor.k_t if experiment.motor else 1.0  # 1 N*m/A, but for a gear
@@ -178,9 +178,9 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bo
     joint, found = urdf.joint(name), list[Finding]()
     effort = np.inf if in_amperes else joint.effort
     for signal, low, high, share, slack in (
-        ("position", joint.lower, joint.upper, 0.0, BEYOND_LIMIT),
-        ("velocity", -joint.velocity, joint.velocity, SAMPLES_BEYOND, BEYOND_LIMIT * joint.velocity),
-        ("torque", -effort, effort, SAMPLES_BEYOND, (PEAK_EFFORT - 1) * effort),
+        ("position", joint.lower, joint.upper, 0.0, levels.BEYOND_LIMIT),
+        ("velocity", -joint.velocity, joint.velocity, levels.SAMPLES_BEYOND, levels.BEYOND_LIMIT * joint.velocity),
+        ("torque", -effort, effort, levels.SAMPLES_BEYOND, (levels.PEAK_EFFORT - 1) * effort),
     ):
         logged = np.concatenate([np.zeros(0), *(x for run in runs if (x := getattr(run.record, signal)) is not None)])
         if not logged.size:
@@ -188,7 +188,7 @@ def _limits(urdf: Urdf | None, name: str, runs: Sequence[Run], *, in_amperes: bo
         least, most = np.quantile(logged, [share, 1 - share]).tolist()
         if least >= low - slack and most <= high + slack:
             continue
-        of, far = unit_of(signal), signal == "torque" and max(-least, most) > NO_DRIVE * effort
+        of, far = unit_of(signal), signal == "torque" and max(-least, most) > levels.NO_DRIVE * effort
         message = (
             f"The {signal} runs from {least:.3g} to {most:.3g}{of}; the URDF allows {low:.3g} to {high:.3g}{of}: check "
             f"{'the unit, the torque constant and the gear' if signal == 'torque' else 'the order of the joints, units and the URDF'}."
@@ -230,7 +230,7 @@ def _of_all(
                 "Other joints move too and no URDF is named, so the torque of the links is not removed: it may be "
                 f"{share:.0f} % of this joint's torque. Name the URDF under robot, as urdf."
             )
-            if share > 100 * LINK_TORQUE:
+            if share > 100 * levels.LINK_TORQUE:
                 found[name] = (Finding("links-not-removed", CRITICAL, message, {"share": share}),)
         return found
     if len(own) < len(robot.names):  # an order needs all joints moving, with torques

@@ -14,9 +14,9 @@ from bristle.data.experiment.load import Experiment
 from bristle.data.experiment.schema import FitOptions
 from bristle.data.record import Record
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import unexplained
 from bristle.estimation.covariance import condition
-from bristle.estimation.levels import DEPENDENT, ONE_SPEED
 from bristle.estimation.score_test import Fitted, explained
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, in_direction, unit_of
 from bristle.identification.candidates import candidates
@@ -69,7 +69,7 @@ def fit_static(
     lost = set[ParameterName]()
     for d in problem.directions if problem.smooth is None else ():
         speeds = problem.speeds(d)
-        if speeds.size and speeds.max() < ONE_SPEED * speeds.min():
+        if speeds.size and speeds.max() < levels.ONE_SPEED * speeds.min():
             lost.add(ParameterName("alpha_2", d))
     if lost:
         problem = problem.without(lost)
@@ -134,7 +134,7 @@ def _too_few(problem: Regression) -> Finding | None:
     if n <= m:
         message = f"{n} points for {m} linear parameters: at least {m + 1} are needed; measure more speeds."
         return Finding("too-few-points", CRITICAL, message, {"points": n, "parameters": m, "least": m + 1})
-    if condition(problem.linear) > DEPENDENT:
+    if condition(problem.linear) > levels.DEPENDENT:
         message = (
             "The points do not separate the linear parameters (one speed only, or a regressor that never "
             "changes); measure more speeds."

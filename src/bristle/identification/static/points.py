@@ -12,7 +12,7 @@ from bristle.arrays import Array, result
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.errors import InputError
-from bristle.estimation.levels import MATTERS, NEIGHBOURS, NOT_SLIDING, SIGNIFICANCE, STRAYS
+from bristle.estimation import levels
 from bristle.estimation.score_test import scores
 from bristle.findings import NOTE, Finding, unit_of
 from bristle.identification.moving_runs import DIRECTIONS, declared, load_columns, terms_of
@@ -63,7 +63,7 @@ def search_points(experiment: Experiment, points: Sequence[Segment], law: Law | 
     """The strays of each solve, under the experiment's law or another."""
     asked, law = point_regressors(experiment), law or experiment.fit.friction
     found = tuple(_search(sides, group, asked, law) for sides, group in groups(experiment, points))
-    few = sum(len(x.strays) for x in found) <= max(STRAYS * len(points), 1)
+    few = sum(len(x.strays) for x in found) <= max(levels.STRAYS * len(points), 1)
     return tuple(replace(x, apart=few and x.apart) for x in found)
 
 
@@ -94,17 +94,19 @@ def _search(sides: tuple[str, ...], points: tuple[Segment, ...], asked: Sequence
     if not (resting or strays):
         return found
     # points within the scatter of their own standard errors are no strays
-    out, sure = () if search.misfit else strays, ndtri(1 - SIGNIFICANCE / (2 * n))
+    out, sure = () if search.misfit else strays, ndtri(1 - levels.SIGNIFICANCE / (2 * n))
     off = _off_the_others(problem, (*resting, *out))
     out = tuple(k for k in out if not abs(off[k]) <= sure * (points[k].standard_error or 0.0))
     strays = strays if search.misfit else out
     expected = problem.torque - _off_the_others(problem, (*resting, *out))
     moved = problem.torque[sliding] - refit(problem.rows(sliding)).residuals - expected[sliding]
     # isolated: no three neighbours in order of velocity, none at an end
-    among = np.pad(np.isin(np.argsort(problem.velocity), strays).astype(float), NEIGHBOURS - 1, constant_values=1.0)
+    among = np.pad(
+        np.isin(np.argsort(problem.velocity), strays).astype(float), levels.NEIGHBOURS - 1, constant_values=1.0
+    )
     return replace(
-        found, strays=strays, expected=expected, matter=bool((np.abs(moved) > MATTERS * np.abs(expected[sliding])).any()),
-        apart=bool(among.size < NEIGHBOURS or np.convolve(among, np.ones(NEIGHBOURS)).max() < NEIGHBOURS),
+        found, strays=strays, expected=expected, matter=bool((np.abs(moved) > levels.MATTERS * np.abs(expected[sliding])).any()),
+        apart=bool(among.size < levels.NEIGHBOURS or np.convolve(among, np.ones(levels.NEIGHBOURS)).max() < levels.NEIGHBOURS),
     )  # fmt: skip  # a list of values
 
 
@@ -125,13 +127,13 @@ def _resting(problem: Regression) -> tuple[int, ...]:
     steps = [(sign * (speed <= x))[order, None] for x in ends]
     found = scores(problem.jacobian(theta)[order], problem.residuals(theta)[order], steps)
     best = int(np.argmax([x.share for x in found]))
-    if not (found[best].p * ends.size < SIGNIFICANCE and found[best].sizes[0] < 0):
+    if not (found[best].p * ends.size < levels.SIGNIFICANCE and found[best].sizes[0] < 0):
         return ()
     rows = np.flatnonzero(speed <= ends[best])
     law = refit(problem.rows(all_but(speed.size, rows.tolist())))
-    levels = [x for name, x in problem.named(law.theta).items() if name.name == "alpha_0"]
+    coulomb = [x for name, x in problem.named(law.theta).items() if name.name == "alpha_0"]
     friction = float(np.mean((sign * problem.friction(law.theta))[rows]))
-    return tuple(rows.tolist()) if friction < NOT_SLIDING * min(levels, default=0.0) else ()
+    return tuple(rows.tolist()) if friction < levels.NOT_SLIDING * min(coulomb, default=0.0) else ()
 
 
 def without_strays(experiment: Experiment, searches: Sequence[PointSearch]) -> Iterator[Segment]:

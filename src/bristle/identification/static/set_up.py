@@ -10,8 +10,8 @@ from bristle.arrays import Array
 from bristle.data.constant_velocity.segments import Segment
 from bristle.data.experiment.load import Experiment
 from bristle.data.record import Record
+from bristle.estimation import levels
 from bristle.estimation.information import bic, power_of
-from bristle.estimation.levels import CLEARLY, EQUATIONS_EACH, SPARE_POINTS, WORTH
 from bristle.identification.comparison import APART, SYMMETRIC
 from bristle.identification.moving_runs import (
     DIRECTIONS,
@@ -61,11 +61,11 @@ class Trial(NamedTuple):
     pose: Callable[[tuple[str, ...]], Regression]  # All that is possible, at once, in some directions
     blocks: int  # Into so many stretches the equations are cut, of which a part is every fifth
 
-    def better(self, clearly: float = CLEARLY) -> BetterSetUp | None:
+    def better(self) -> BetterSetUp | None:
         """A clearly better set-up with at least what was asked for, or None."""
         both = self.asked.directions == ("both",)
         better = self._simplest(self.asked, (("both",), tuple(DIRECTIONS)) if both else (self.asked.directions,))
-        return better if better and better.error < clearly * better.asked_error else None
+        return better if better and better.error < levels.CLEARLY * better.asked_error else None
 
     def proposed(self) -> BetterSetUp | None:
         """The set-up to begin with, compared with the plainest one; None where nothing can be tried."""
@@ -98,13 +98,13 @@ class Trial(NamedTuple):
         return BetterSetUp(asked, chosen, float(np.linalg.norm(first)), float(np.linalg.norm(errors)))
 
 
-def _as_good(tried: Sequence[tuple[int, Array, SetUp]], worth: float = WORTH) -> tuple[Array, SetUp]:
+def _as_good(tried: Sequence[tuple[int, Array, SetUp]]) -> tuple[Array, SetUp]:
     """Of set-ups with a size and their errors on each part, the smallest within one standard error of the best, or hardly worse."""
     best = min((errors for _, errors, _ in tried), key=lambda x: float(x @ x))
     within = []
     for one in tried:
         more = one[1] ** 2 - best**2
-        room = max(np.std(more, ddof=1) / np.sqrt(more.size), (worth**2 - 1) * np.mean(best**2))
+        room = max(np.std(more, ddof=1) / np.sqrt(more.size), (levels.WORTH**2 - 1) * np.mean(best**2))
         if more.mean() <= room:
             within.append(one)
     _, errors, chosen = min(within, key=lambda x: (x[0], float(x[1] @ x[1])))
@@ -153,7 +153,7 @@ def directions_of_points(experiment: Experiment, points: Sequence[Segment]) -> d
     for way, (ways_of, regressors_of) in ways.items() if len(sides) == len(DIRECTIONS) else ():
         problem = points_problem(points, ways_of, regressors_of, experiment.fit.friction)
         n, p = problem.torque.size, len(problem.names)
-        if n < p + SPARE_POINTS or (_drives(problem) and "gravity" not in asked):
+        if n < p + levels.SPARE_POINTS or (_drives(problem) and "gravity" not in asked):
             found[way] = np.inf
             continue
         found[way] = bic(refit(problem).residuals, p, n, power_of(problem.torque))
@@ -169,8 +169,8 @@ def _drives(problem: Regression) -> bool:
     """Whether the friction of one of two directions drives the joint, as gravity may."""
     if len(problem.directions) == 1:
         return False
-    levels = problem.linear[:, [name.name == "alpha_0" for name in problem.linear_names]]
-    return bool((problem.torque @ levels < 0).any())
+    coulomb = problem.linear[:, [name.name == "alpha_0" for name in problem.linear_names]]
+    return bool((problem.torque @ coulomb < 0).any())
 
 
 class _Products(NamedTuple):
@@ -197,10 +197,10 @@ class _Products(NamedTuple):
         wanted = {name for regressor in regressors for name in terms_of(regressor).names}
         return [k for k, name in enumerate(self.names) if name in wanted or not name]
 
-    def errors(self, regressors: Sequence[str], equations_each: int = EQUATIONS_EACH) -> tuple[int, Array] | None:
+    def errors(self, regressors: Sequence[str]) -> tuple[int, Array] | None:
         """Number of parameters and relative error of each part, percent, (k,); None of too few equations."""
         keep = self._columns(regressors)
-        if self.n < equations_each * len(keep) or not self.norm:
+        if self.n < levels.EQUATIONS_EACH * len(keep) or not self.norm:
             return None
         G, b = self.gram[:, keep][:, :, keep], self.moment[:, keep]
         rest = np.linalg.pinv(G.sum(axis=0) - G, rcond=_RANK, hermitian=True)

@@ -11,8 +11,8 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.estimation import covariance as uncertainty
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import correlated, inflation
-from bristle.estimation.levels import INFLATED, SIGNIFICANCE
 from bristle.estimation.linear import best_column_p_value
 from bristle.estimation.score_test import moved_by
 from bristle.findings import CAUTION, NOTE, Finding, in_direction, unit_of
@@ -114,7 +114,7 @@ def solve_static(
     names = list(compress(problem.names, free))
     moved = {constant: moved_by(jacobian[:, free], change) for constant, change in problem.shifts.items()}
     warnings = list(dropped.values())
-    if variance_inflation > INFLATED:
+    if variance_inflation > levels.INFLATED:
         warnings.append(correlated(solution.residuals, sqrt(variance_inflation)))
     outcome = Finding("static-converged", NOTE, "Converged.")
     if dropped and not problem.peaks:
@@ -220,7 +220,7 @@ def _unsupported(problem: Regression, solution: Solution, k: int, direction: Dir
     p = best_column_p_value(off, length, projected.q, ratio) if gain > noise else 1.0
     speeds, v_s, seen = problem.speeds(direction), float(problem.split(solution.theta)[1][k]), problem.law.peak.reach
     fastest, of = float(speeds.max()), unit_of("velocity")
-    if p > SIGNIFICANCE:
+    if p > levels.SIGNIFICANCE:
         message = f"noise alone would look as much like a Stribeck peak in {100 * p:.0f} % of cases"
         return Finding("no-peak", NOTE, message, {"percent": 100 * p})
     if v_s * seen > fastest:

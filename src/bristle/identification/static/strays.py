@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
-from bristle.estimation.levels import ONE_STRAY_IN, SIGNIFICANCE, TOGETHER
+from bristle.estimation import levels
 from bristle.identification.static.grid import Projected, Solution, default_range, solve
 from bristle.identification.static.problem import Regression, log_grid
 
@@ -46,13 +46,13 @@ def find_strays(problem: Regression) -> StraySearch:
             return StraySearch(tuple(out), True)
 
 
-def most_strays(problem: Regression, one_stray_in: int = ONE_STRAY_IN) -> int:
+def most_strays(problem: Regression) -> int:
     """Largest number of strays of a problem."""
     n = problem.torque.size
-    return max(n // one_stray_in, 2 if n >= 2 * len(problem.names) + 2 else 0)
+    return max(n // levels.ONE_STRAY_IN, 2 if n >= 2 * len(problem.names) + 2 else 0)
 
 
-def _significant(problem: Regression, significance: float = SIGNIFICANCE) -> list[int]:
+def _significant(problem: Regression) -> list[int]:
     """The most significant point, else pair, or nothing."""
     n, parameters = problem.torque.size, len(problem.names)
     if n < parameters + 2:
@@ -74,9 +74,9 @@ def _significant(problem: Regression, significance: float = SIGNIFICANCE) -> lis
             refitted = [refit(problem.rows(all_but(n, rows))).cost for rows in few]
             chosen, exact = few[int(np.argmin(refitted))], base - min(refitted)
         together = n > SINGLY and size == 1
-        fall = np.append(exact, falls[falls > TOGETHER * falls[0]] if together else [])
+        fall = np.append(exact, falls[falls > levels.TOGETHER * falls[0]] if together else [])
         F = fall / size * (n - parameters - size) / np.maximum(base - fall, noise)
-        rare = fdtrc(size, n - parameters - size, F) * comb(n, size) < significance
+        rare = fdtrc(size, n - parameters - size, F) * comb(n, size) < levels.SIGNIFICANCE
         if rare[0] and exact > noise * size:
             return list(sets[: fall.size - 1, 0][rare[1:]].tolist() if together else chosen)
     return []

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from bristle.arrays import Array
-from bristle.estimation import bootstrap, interval_comparison
-from bristle.estimation.levels import FEW
+from bristle.estimation import bootstrap, interval_comparison, levels
 from bristle.identification.fits import Uncertainty
 from bristle.identification.static.batch import Batch
 from bristle.identification.static.grid import Projected, Solution
@@ -26,7 +25,7 @@ def three_ways(solved: StaticSolution, v_s_range: tuple[float, float]) -> dict[P
     """Intervals of every parameter, by name."""
     n, names = solved.problem.torque.size, solved.problem.names
     drawn = resample(solved.problem, solved.solution, v_s_range)
-    few = f"{n} points for {len(names)} parameters" if n - len(names) < FEW else None
+    few = f"{n} points for {len(names)} parameters" if n - len(names) < levels.FEW else None
     out = {}
     for name, value, low, high, draws in zip(names, solved.solution.theta.tolist(), *drawn, strict=True):
         at_bound, resampled = name in solved.solution.at_bound, None if np.isnan(low) else (float(low), float(high))

@@ -13,8 +13,8 @@ from bristle.control.adaptation import Law
 from bristle.control.compensator import Name
 from bristle.control.running import RunningCompensator
 from bristle.errors import InputError, short
+from bristle.estimation import levels
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import CONFIDENCE
 from bristle.findings import Finding, Severity
 from bristle.identification.fits import Estimate, Uncertainty
 from bristle.identification.measured import Measured
@@ -77,11 +77,11 @@ class Fit:
         """Everything to know about the data, the fit and its parameters, each once; `str` makes the sentence."""
         return tuple(dict.fromkeys(self.joint.all_warnings()))
 
-    def conf_int(self, level: float = CONFIDENCE, method: Method | None = None) -> "pd.DataFrame":
+    def conf_int(self, level: float | None = None, method: Method | None = None) -> "pd.DataFrame":
         """Confidence intervals: a row for each parameter, with columns `lower` and `upper`, in SI.
 
         Args:
-            level: of confidence, between 0 and 1; by profile at most 0.95, by bootstrap 0.95.
+            level: of confidence, between 0 and 1; None: 0.95; by profile at most 0.95, by bootstrap 0.95.
             method: `profile` (where the cost, minimised over all else, reaches its threshold), `covariance` (Student's t) or
                 `bootstrap` (of resampled residuals); None: the interval that the results state, which of points is the
                 profile's, and at another level the covariance's. A motion has the first and the last with `uncertainty` only.
@@ -92,9 +92,10 @@ class Fit:
 
         if method not in (None, *METHODS):
             raise InputError(f"method: got {short(method)}; expected one of {', '.join(METHODS)}")
-        borne = {"profile": level <= CONFIDENCE, "bootstrap": level == CONFIDENCE}
+        level = levels.CONFIDENCE if level is None else level
+        borne = {"profile": level <= levels.CONFIDENCE, "bootstrap": level == levels.CONFIDENCE}
         if not 0 < level < 1 or not borne.get(method or "", True):
-            ends = {"profile": f"more than 0 and at most {CONFIDENCE:g}", "bootstrap": f"{CONFIDENCE:g}"}
+            ends = {"profile": f"more than 0 and at most {levels.CONFIDENCE:g}", "bootstrap": f"{levels.CONFIDENCE:g}"}
             wanted = ends.get(method or "", "0 to 1")
             raise InputError(f"level: got {level!r}; expected {wanted}{f' by {method}' if method else ''}")
         if method in ("profile", "bootstrap") and all(row.ways is None for row in self._rows()):
@@ -209,10 +210,10 @@ def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, fl
     e, ways, none = row.estimate, row.ways, (np.nan, np.nan)
     if e.value is None:
         return none
-    if method is None and level == CONFIDENCE:
+    if method is None and level == levels.CONFIDENCE:
         return e.interval or none
     made: tuple[float, float] | None = getattr(ways, method) if ways and method else None
-    if made is not None and level == CONFIDENCE:
+    if made is not None and level == levels.CONFIDENCE:
         return made
     if method in (None, "covariance"):
         reach = student(row.freedom, level) * (e.total_error or np.nan)
@@ -221,7 +222,7 @@ def _interval(row: _Row, level: float, method: Method | None) -> tuple[float, fl
         return none
     # Where the profile passes the threshold of the level, which is F's quantile beside that of 95 %; F(1, n) is t squared.
     values, cost = ways.curve
-    height = (student(row.freedom, level) / student(row.freedom, CONFIDENCE)) ** 2
+    height = (student(row.freedom, level) / student(row.freedom)) ** 2
     least = int(np.argmin(cost))
     low = float(np.interp(-height, -cost[: least + 1], values[: least + 1]))
     high = float(np.interp(height, cost[least:], values[least:]))

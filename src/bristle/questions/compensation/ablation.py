@@ -12,7 +12,7 @@ from bristle.arrays import Array
 from bristle.control.closed_loop import Trajectory, simulate
 from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import LoopOptions
-from bristle.estimation.levels import CYCLE_BEND, CYCLE_COUNTS, CYCLE_SWINGS, DIVERGED
+from bristle.estimation import levels
 from bristle.model.laws.parts import FASTEST
 from bristle.model.parameters import Pair
 from bristle.simulation.joint_loop import JointLoop
@@ -102,7 +102,7 @@ def _judged(
         wide = np.ptp(held, axis=1)
     swings = np.count_nonzero(np.diff(np.signbit(about), axis=1), axis=1)
     deflection = max((p.alpha_0 + p.alpha_1) / p.sigma_0 for p in loop.plant)
-    least = [max(CYCLE_COUNTS * _count(loop, b), CYCLE_BEND * deflection) for b in bits]
-    diverges = ~(rms < DIVERGED * loop.amplitude)
-    cycles = (swings >= CYCLE_SWINGS) & (wide > np.array(least)) & ~diverges
+    least = [max(levels.CYCLE_COUNTS * _count(loop, b), levels.CYCLE_BEND * deflection) for b in bits]
+    diverges = ~(rms < levels.DIVERGED * loop.amplitude)
+    cycles = (swings >= levels.CYCLE_SWINGS) & (wide > np.array(least)) & ~diverges
     return list(zip(rms.tolist(), cycles.tolist(), diverges.tolist(), strict=True))

@@ -12,7 +12,7 @@ from bristle.control.closed_loop import Trajectory, simulate
 from bristle.control.compensator import Compensator, Reference
 from bristle.control.control_period import Case, Disturbance, LoopOptions
 from bristle.errors import InputError
-from bristle.estimation.levels import DIVERGED
+from bristle.estimation import levels
 from bristle.simulation.joint_loop import JointLoop
 from bristle.simulation.references import stacked
 
@@ -51,7 +51,7 @@ def errors(loop: JointLoop) -> tuple[Errors, ...]:
         bare, steady = run(BARE, [found] * 2, J), run(loop.compensator, [own, own, found, found], J)
         moved = run(replace(loop.compensator, adaptation=loop.adaptation), [found] * 2, J)
         without, fed, adaptive = (t.rms_error(SETTLE).tolist() for t in (bare, steady, moved))
-        if not all(x < DIVERGED * loop.amplitude for x in fed):
+        if not all(x < levels.DIVERGED * loop.amplitude for x in fed):
             raise InputError(
                 f"{loop.name}: the loop diverges with {loop.compensator.name}, the gains of its PID and a period of {loop.period:g} s; choose lugre, "
                 "lower adapt.gains or a shorter adapt.period"

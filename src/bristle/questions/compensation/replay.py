@@ -15,7 +15,7 @@ from bristle.arrays import Array
 from bristle.control.adaptation import Adaptation, effective, gradient, learn
 from bristle.control.compensator import Compensator, CompensatorState, advanced, initial_state, packed, unpacked
 from bristle.control.control_period import flat, no_friction, symbols
-from bristle.estimation.levels import MATTERS, UNCHANGED, UNFIT
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.problem import dynamic_problem
 from bristle.identification.known_joint import rises_of
@@ -66,19 +66,22 @@ class Replay:
         (low, high), gains = self.adaptation.limits, self.theta[:, -1]
         numbers = {"before": before, "after": after, "ratios": self.ratios}
         left = f"{after:.3g} % of the friction torque is left unexplained instead of {before:.3g} %"
-        if ((np.abs(gains - 1) > MATTERS) & ((gains <= (1 + MATTERS) * low) | (gains >= (1 - MATTERS) * high))).any():
+        if (
+            (np.abs(gains - 1) > levels.MATTERS)
+            & ((gains <= (1 + levels.MATTERS) * low) | (gains >= (1 - levels.MATTERS) * high))
+        ).any():
             message = (
                 f"A gain ended at its limit ({self.shares}; {left}): widen adapt.limits if friction may have changed that much; "
                 "otherwise leave it off, or lower gamma."
             )
             return Finding("gain-at-limit", CAUTION, message, numbers)
-        if before > UNFIT:
+        if before > levels.UNFIT:
             message = (
                 f"The identified model leaves {before:.3g} % of this run's friction torque unexplained ({after:.3g} % adapted): check "
                 "units, sign and columns of the run; until then its gains mean nothing."
             )
             return Finding("model-unfit", CAUTION, message, {"before": before, "after": after})
-        little = max(UNCHANGED[0], UNCHANGED[1] * before)
+        little = max(levels.UNCHANGED[0], levels.UNCHANGED[1] * before)
         if after < before - little:
             return Finding("adaptation-helps", NOTE, f"It helps here: {left}, at ratios {self.shares}.", numbers)
         if after <= before + little:
@@ -102,14 +105,14 @@ def replays(loop: JointLoop, joint: Joint, measured: Measured) -> tuple[Replay, 
         problem = dynamic_problem([record], ("both",), asked, 1, held)
         extra = np.array([known.get(name, 0.0) for name in problem.extra_names])
         weights = {name.name: x for name, x in zip(problem.extra_names, extra.tolist(), strict=True)}
-        levels = []  # rise of alpha_0 with the load along each motion, N*m, (n,)
+        rising = []  # rise of alpha_0 with the load along each motion, N*m, (n,)
         for m in problem.motions:
             terms = () if m.load is None else m.load.levels
             columns = np.zeros((0, m.velocity.size)) if m.load is None else m.load.by(weights)[0]
-            levels.append(np.array([rises[name] for name in terms]) @ columns)
+            rising.append(np.array([rises[name] for name in terms]) @ columns)
         for a in (x for x in (loop.adaptation, loop.diagnostic_law) if x):
             parts, state = [], initial_state(Compensator(adaptation=a), model)
-            for m, level in zip(problem.motions, levels, strict=True):
+            for m, level in zip(problem.motions, rising, strict=True):
                 friction = m.torque - m.extra @ extra
                 state = state._replace(deflection=0.0, velocity=m.velocity[0])
                 inputs = np.vstack([m.velocity, friction, np.append(0.0, m.step), level])

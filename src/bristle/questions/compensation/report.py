@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.estimation.levels import WORSE_LOOP
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.page.page import Drawing, begun
 from bristle.page.report import Report, Section, Table
@@ -89,7 +89,7 @@ def _opening(study: Study) -> Iterator[Section]:
     tried = [x for x in study.ablation if (x.encoder_bits, x.delay, x.share) == best and not x.diverges]
     rms = {row.compensator: row.rms_error for row in tried}
     stribeck, lugre = (rms.get(f"{name}, reference velocity") for name in ("Stribeck", "LuGre"))
-    if stribeck and lugre and stribeck <= WORSE_LOOP * lugre:
+    if stribeck and lugre and stribeck <= levels.WORSE_LOOP * lugre:
         message = (
             f"The Stribeck curve compensates {first.name} as well as LuGre does on this motion: RMS error {1e3 * stribeck:.3g} and "
             f"{1e3 * lugre:.3g} {thousandths(study)}, both driven by the reference velocity, with the finest encoder and no delay."

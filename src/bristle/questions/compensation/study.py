@@ -6,7 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from bristle.control.closed_loop import Trajectory
-from bristle.estimation.levels import WORSE_LOOP
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.model.parameters import unit
 from bristle.progress import Progress, teller
@@ -151,10 +151,10 @@ def worth_of_each(study: Study) -> Iterator[tuple[str, str]]:
             yield row.joint, f"{error}: {without} without compensation, {fed} with"
 
 
-def adverse(study: Study, worse_loop: float = WORSE_LOOP) -> Iterator[Finding]:
+def adverse(study: Study) -> Iterator[Finding]:
     """Errors that adaptation makes larger than the identified model alone does, by `worse_loop`."""
     for row in study.errors:
-        if row.adaptive > worse_loop * row.identified and not row.inertia:
+        if row.adaptive > levels.WORSE_LOOP * row.identified and not row.inertia:
             identified, adaptive, q = 1e3 * row.identified, 1e3 * row.adaptive, thousandths(study)
             worse = f"Adaptation makes {row.joint} worse at {row.frequency:g} Hz"
             message = f"{worse}: RMS error {identified:.3g} {q} with the identified model, {adaptive:.3g} {q} adapted."

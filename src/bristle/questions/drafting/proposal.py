@@ -16,7 +16,7 @@ from bristle.data.robot.robot_file import robot_of
 from bristle.data.robot.urdf import read_urdf
 from bristle.data.run_kinds import kinds_of, stretches
 from bristle.errors import InputError
-from bristle.estimation.levels import MIXED, MIXED_HOLDS, USELESS
+from bristle.estimation import levels
 from bristle.findings import Severity
 from bristle.identification.measured import measure
 from bristle.identification.moving_runs import DIRECTIONS, moved_in, refuse_opposing_runs, regressor_line
@@ -78,7 +78,7 @@ def draft_of_logs(
         said += [
             f"experiment: {file} is a mixture ({does}), taken as {kind}; cut it into files of one kind to use the rest"
             for file, kind, (_, does) in zip(draft.files, kinds, found, strict=True)
-            if does.unused(kind) > (MIXED_HOLDS if kind == "ramp" else MIXED)
+            if does.unused(kind) > (levels.MIXED_HOLDS if kind == "ramp" else levels.MIXED)
         ]
     tell("regressors and directions")
     fit, why = _fit(draft.text(runs), path, told.directions)
@@ -105,7 +105,7 @@ def _fit(text: str, path: Path, directions: str | None = None) -> tuple[str, str
     lines += f", {regressor_line(pays)}" if pays or moving else ""
     none = "above 100 %: too few points to decide, so the plainest is taken"
     errors = (
-        f"{f'{x.error:.2g} %' if x.error < USELESS else none} (the plainest set-up: {x.asked_error:.2g} %)"
+        f"{f'{x.error:.2g} %' if x.error < levels.USELESS else none} (the plainest set-up: {x.asked_error:.2g} %)"
         for x in known
     )
     why = f"a first regression, without presliding, misses parts held out in turn by {', '.join(errors)}"

@@ -8,7 +8,7 @@ import numpy as np
 
 from bristle.arrays import Array, result
 from bristle.errors import InputError
-from bristle.estimation.levels import NORMAL, SLOWEST, WIDE
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding, in_direction
 from bristle.identification.measured import Measured
 from bristle.identification.results import Joint
@@ -77,7 +77,10 @@ class Plan:
     @property
     def worth(self) -> Finding:
         """What to measure, and the predicted intervals of alpha_0 and v_s, or of the aim, in the worse direction."""
-        then, limit = NORMAL * self.percent(self.standard_errors["with motion"]), 100 * NORMAL * WIDE
+        then, limit = (
+            levels.NORMAL * self.percent(self.standard_errors["with motion"]),
+            100 * levels.NORMAL * levels.WIDE,
+        )
         speeds = np.unique(np.concatenate([x.chosen.speeds for x in self.velocities]))
         runs, loads = (len({r.run for r in self.references if r.kind == kind}) for kind in ("ramp", "presliding"))
         time = f"{self.duration / 60:.0f} min" if self.duration >= 100 else f"{self.duration:.0f} s"
@@ -97,13 +100,13 @@ class Plan:
         """Limits of the plan, and how to lift them."""
         relative = self.standard_errors["with motion"] / np.abs(self.start.estimate)
         warnings = []
-        if unseen := tuple(self.start.names[k] for k in self.free if not relative[k] <= WIDE):
+        if unseen := tuple(self.start.names[k] for k in self.free if not relative[k] <= levels.WIDE):
             named = ", ".join(map(str, unseen))
             message = f"Even after this plan {named} would not be identifiable within these limits."
             warnings.append(Finding("still-unseen", CAUTION, message, {"names": unseen}))
         for plan in self.velocities:
             slowest, ratio = plan.problem.low, plan.problem.low / plan.problem.p.v_s
-            if ratio > SLOWEST:
+            if ratio > levels.SLOWEST:
                 message = (
                     f"The slowest constant speed, {slowest:.3g} {unit('velocity', self.joint.kind)}, is {ratio:.2g} times "
                     f"v_s{in_direction(plan.direction)}: slower runs would show the Stribeck term far better. If a stiffer "
@@ -120,7 +123,7 @@ class Plan:
         rows = []
         for k in self.free:
             name, value = self.start.names[k], float(self.start.estimate[k])
-            half = {stage: finite(NORMAL * errors[k]) for stage, errors in self.standard_errors.items()}
+            half = {stage: finite(levels.NORMAL * errors[k]) for stage, errors in self.standard_errors.items()}
             last = half["with motion"]
             guess = name in self.start.guessed or (name.name == "inertia" and half["now"] is None)
             row = {"parameter": str(name), "estimate": value, "guess": guess, "unit": unit(name.name, self.joint.kind)}

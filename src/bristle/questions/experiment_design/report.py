@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from bristle.estimation.levels import NORMAL
+from bristle.estimation import levels
 from bristle.model.parameters import Direction, unit
 from bristle.page.page import Drawing
 from bristle.page.plain import columns, pair
@@ -79,7 +79,7 @@ def _worth(plan: Plan) -> Section:
         relative = [error[k] / abs(value) for error in errors.values()]
         known = float(errors["now"][k]) if relative[0] < 1 else None
         estimate = f"{pair(value, known)} {unit(name.name, plan.joint.kind)}"
-        half = (f"{two_digits(100 * NORMAL * error)} %" if error < 1 else "open" for error in relative)
+        half = (f"{two_digits(100 * levels.NORMAL * error)} %" if error < 1 else "open" for error in relative)
         rows.append((str(name), f"{estimate}{' (a guess)' * (name in plan.start.guessed)}", *half))
     note = (
         "Parameters given as exact are not listed. Now: as fitted. After: predicted, not measured, and lower bounds: 1.96 times the "

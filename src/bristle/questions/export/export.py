@@ -11,7 +11,7 @@ import casadi as ca
 
 from bristle.control.compensator import Compensator
 from bristle.errors import InputError, one_line
-from bristle.estimation.levels import NEED
+from bristle.estimation import levels
 from bristle.findings import CAUTION, Finding
 from bristle.identification.known_joint import load_left_out
 from bristle.identification.verdict import Trust
@@ -137,7 +137,7 @@ def artefact_of(
     """The file of a target, with findings on losses and on terms left out, except those `counted` in its values."""
     said = list[Finding]()
     for name, found in losses.items():
-        if large := [x for x in found if x.percent > NEED]:
+        if large := [x for x in found if x.percent > levels.NEED]:
             rms = ", ".join(f"{x.percent:.0f} % {x.motion.name}" for x in large)
             message = (
                 f"{name}: {target} cannot hold this friction; the torque RMS error is {rms}. "

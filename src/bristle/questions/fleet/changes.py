@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from scipy.special import stdtr
 
 from bristle.arrays import Array
+from bristle.estimation import levels
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import SEVERAL
 from bristle.estimation.multiple_tests import false_discovery, false_discovery_within, simes
 from bristle.estimation.robust import Population, population, without_each
 from bristle.estimation.step_test import Levels, Steps, step_scan
@@ -39,8 +39,8 @@ class StepTests(NamedTuple):
 def step_tests(one: Adjusted, baseline: int) -> StepTests:
     """The tests of joints with more than `baseline` sessions since their last baseline began."""
     which = np.flatnonzero((np.bincount(one.of.joint) > baseline) & one.of.now)
-    levels = padded(one)
-    part = Levels(levels.y[which], levels.variance[which], levels.regressors[which], levels.covariance)
+    rows = padded(one)
+    part = Levels(rows.y[which], rows.variance[which], rows.regressors[which], rows.covariance)
     empty = np.zeros(0)
     if not which.size:
         return StepTests(one, which, Steps(which, empty, empty, empty, empty, empty))
@@ -114,16 +114,16 @@ def ranked(people: Roster, changes: pd.DataFrame, decided: Decided) -> pd.DataFr
 
 def own_levels(one: Adjusted, most: NDArray[np.intp]) -> tuple[Array, Array]:
     """Mean of each joint over its first `most` sessions, on the scale, and its variance: (m,) each."""
-    levels = padded(one, most)
-    weight = np.where(np.isfinite(levels.variance), 1 / levels.variance, 0.0)
+    rows = padded(one, most)
+    weight = np.where(np.isfinite(rows.variance), 1 / rows.variance, 0.0)
     total = weight.sum(axis=1)
-    return (weight * levels.y).sum(axis=1) / total, 1 / total
+    return (weight * rows.y).sum(axis=1) / total, 1 / total
 
 
-def population_of(one: Adjusted, most: NDArray[np.intp], several: int = SEVERAL) -> Population[float] | None:
+def population_of(one: Adjusted, most: NDArray[np.intp]) -> Population[float] | None:
     """Mean and spread of a type; None with too few joints."""
     now = one.of.now
-    if now.sum() < several:
+    if now.sum() < levels.SEVERAL:
         return None
     level, variance = own_levels(one, most)
     return population(level[now], variance[now])

@@ -15,6 +15,7 @@ from pydantic import TypeAdapter
 
 from bristle import __version__
 from bristle.errors import InputError, one_line, short
+from bristle.estimation import levels
 from bristle.page.output_folder import FLEET, LEDGER, LOCK, TASKS, claim
 from bristle.page.wording import counted
 from bristle.progress import Progress, step
@@ -171,7 +172,7 @@ def _identified(
 ) -> dict[str, str]:
     """Identify the joints of `todo` and journal their rows; why others are to be tried again, by key."""
     calls = (
-        (FleetTask(str(key), joint, surveys[path], versions()), identify)
+        (FleetTask(str(key), joint, surveys[path], versions(), levels.changed()), identify)
         for key, path, joint in zip(todo.index, todo["path"], todo["name"], strict=True)
     )
     tell, failures = _telling(progress, "identifying", len(todo)), dict[str, str]()

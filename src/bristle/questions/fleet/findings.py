@@ -15,8 +15,8 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import BASELINE, FALSE_DISCOVERIES, FEW_FREEDOM, TESTED_FREEDOM
 from bristle.estimation.robust import variance_interval
 from bristle.findings import CAUTION, NOTE, Finding, Severity
 from bristle.model.parameters import Direction, ParameterName
@@ -52,17 +52,20 @@ class Findings:
         return int(self.joints["changed"].sum())
 
 
-def check_rate(rate: float, baseline: int) -> None:
-    """Raise InputError where rate or baseline is out of range."""
+def checked(rate: float | None, baseline: int | None) -> tuple[float, int]:
+    """Rate and baseline, or their levels. Raises InputError where one is out of range."""
+    rate = levels.FALSE_DISCOVERIES if rate is None else rate
+    baseline = levels.BASELINE if baseline is None else baseline
     if not 0 < rate < 1:
         raise InputError(f"rate: got {rate:g}; expected a false discovery rate between 0 and 1, as 0.05")
     if not 1 <= baseline <= _MOST:
         raise InputError(f"baseline: got {baseline}; expected 1 to {_MOST} sessions")
+    return rate, baseline
 
 
-def findings(frame: pd.DataFrame, rate: float = FALSE_DISCOVERIES, baseline: int = BASELINE) -> Findings:
-    """Findings of a dataset, against the first `baseline` sessions of each joint. Raises InputError as `check_rate`."""
-    check_rate(rate, baseline)
+def findings(frame: pd.DataFrame, rate: float | None = None, baseline: int | None = None) -> Findings:
+    """Findings of a dataset, against the first `baseline` sessions of each joint. Raises InputError as `checked`."""
+    rate, baseline = checked(rate, baseline)
     whole, frame = frame, quantities.named_rows(frame)
     people, said = quantities.roster(frame), list[Finding]()
     every = list(_quantities(frame, people, said))
@@ -260,7 +263,7 @@ def notes(
         said.append(Finding("warned-since", CAUTION, message, {"count": len(warned), "codes": codes}))
 
     # Types whose scatter rests on few differences.
-    few = [x for x in every if TESTED_FREEDOM <= x.fit.freedom < FEW_FREEDOM]
+    few = [x for x in every if levels.TESTED_FREEDOM <= x.fit.freedom < levels.FEW_FREEDOM]
     for type_ in dict.fromkeys(x.of.key.type for x in few):
         count = max(int((x.of.joint[1:] == x.of.joint[:-1]).sum()) for x in few if x.of.key.type == type_)
         message = (

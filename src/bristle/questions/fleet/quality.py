@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from bristle.estimation.levels import NAMED
+from bristle.estimation import levels
 from bristle.page.said import entries
 from bristle.questions.fleet.quantities import Roster
 
@@ -59,7 +59,7 @@ def failures(frame: pd.DataFrame) -> pd.DataFrame:
     return frame.loc[frame["failure"].notna(), columns].drop_duplicates(ignore_index=True)
 
 
-def warned(frame: pd.DataFrame, people: Roster, named: float = NAMED) -> pd.DataFrame:
+def warned(frame: pd.DataFrame, people: Roster) -> pd.DataFrame:
     """Warnings that a joint did not have at first since its last baseline, and then in most of its sessions.
 
     Columns: unit, joint, code, severity, since, sessions with it, `of` all since then; by number of the joint. Those that
@@ -80,7 +80,7 @@ def warned(frame: pd.DataFrame, people: Roster, named: float = NAMED) -> pd.Data
     chance = rate ** rows["sessions"] * (1 - rate).clip(lower=0) ** rows["before"]
     now = people.table["now"].to_numpy(bool)[rows["number"]]
     began = (rows["before"] > 0) & (rows["sessions"] > rows["of"] / 2) & now
-    rows = rows[began & (chance * began.sum() < named)].set_index("number")
+    rows = rows[began & (chance * began.sum() < levels.NAMED)].set_index("number")
     rows = rows.join(people.table[["unit", "joint"]]).assign(severity=lambda x: x["code"].map(severity))
     order, columns = ["severity", "since", "unit", "joint", "code"], ["unit", "joint", "code", "severity", "since"]
     ranked: pd.DataFrame = rows.sort_values(order, ascending=[False, True, True, True, True])

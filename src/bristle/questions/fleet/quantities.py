@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from scipy.special import fdtrc
 
 from bristle.arrays import Array
+from bristle.estimation import levels
 from bristle.estimation.covariance import student
-from bristle.estimation.levels import CLEAR, LEAST_JOINTS, RARE, TESTED_FREEDOM
 from bristle.estimation.moderation import normal_errors
 from bristle.estimation.robust import RobustFit, differences_of, fit_differences
 from bristle.estimation.step_test import Levels
@@ -125,7 +125,7 @@ def quantity_of(key: QuantityKey, rows: pd.DataFrame, where: NDArray[np.intp], p
     columns = ("value", "standard_error", "lower", "upper")
     value, error, lower, upper = (rows[name].to_numpy(float)[order] for name in columns)
     typical, uncertain = float(np.median(np.abs(value))), float(np.median(error))
-    if typical <= CLEAR * uncertain:
+    if typical <= levels.CLEAR * uncertain:
         return None
     scale = 0.0 if (value > 0).all() else typical
     one = value if not scale else np.full(value.size, scale)
@@ -166,7 +166,7 @@ class Adjusted:
     @property
     def tested(self) -> bool:
         """Whether the scatter between sessions is known."""
-        return self.fit.freedom >= TESTED_FREEDOM and bool((self.variance > 0).all())
+        return self.fit.freedom >= levels.TESTED_FREEDOM and bool((self.variance > 0).all())
 
     def effect(self, name: str) -> tuple[float, float, float]:
         """The effect of a covariate in percent per K or per unit of load, with its 95 % interval; nan if not known."""
@@ -198,7 +198,7 @@ def adjusted(quantity: Quantity, tests: int) -> Adjusted:
     first = first[told[first] & told[first + 1]]
     fit, X = fit_differences(quantity.y, quantity.known, covariates, first, quantity.unit), covariates
     knots, p, most = np.zeros(0), nan, min(KNOTS, first.size // PER_KNOT)
-    if (np.bincount(quantity.joint) > 1).sum() >= LEAST_JOINTS and most > 1:
+    if (np.bincount(quantity.joint) > 1).sum() >= levels.LEAST_JOINTS and most > 1:
         days = np.unique(np.round(quantity.time))
         knots = days if days.size <= most else np.unique(np.quantile(quantity.time, np.linspace(0, 1, most)))
     if knots.size > 1:
@@ -213,7 +213,7 @@ def adjusted(quantity: Quantity, tests: int) -> Adjusted:
         if free >= 1 and np.isfinite(cov).all() and (rank := int(np.linalg.matrix_rank(cov, hermitian=True))):
             statistic = float(b @ np.linalg.pinv(cov, hermitian=True) @ b) / rank * free
             p = float(fdtrc(rank, free, statistic / max(shifted.freedom_of_coefficients, 1.0)))
-        if p < RARE / max(tests, 1):
+        if p < levels.RARE / max(tests, 1):
             fit, X = shifted, both
     if X is covariates:
         knots = np.zeros(0)

@@ -12,6 +12,7 @@ from bristle.data.experiment.tables import matches
 from bristle.data.experiment.yaml_file import parse, read_text
 from bristle.data.robot.robot_file import is_robot, robot_of
 from bristle.errors import InputError, check_regular, one_line, unreadable
+from bristle.estimation import levels
 
 SCHEMA = "bristle-fleet/2"  # of the dataset; part of the keys
 OWN = "."  # name of the experiment file among its inputs
@@ -40,8 +41,14 @@ class Surveyed(NamedTuple):
     failure: str = ""  # why it cannot be used
 
     def key(self, joint: str) -> str:
-        """Key of the results of a joint: a hash of content, joint and version."""
-        known = [__version__, SCHEMA, joint, sorted((one.name, one.sha256) for one in self.inputs)]
+        """Key of the results of a joint: a hash of content, joint, version and changed levels."""
+        known = [
+            __version__,
+            SCHEMA,
+            joint,
+            sorted((one.name, one.sha256) for one in self.inputs),
+            *levels.changed().items(),
+        ]
         return hashlib.sha256(json.dumps(known).encode()).hexdigest()[:_KEY]
 
     def holds(self) -> bool:

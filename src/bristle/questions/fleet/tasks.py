@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from bristle import __version__
 from bristle.errors import InputError, reason
+from bristle.estimation.levels import changed_levels
 from bristle.questions.fleet.survey import Surveyed, without_folder
 
 Row = Mapping[str, Any]  # of the dataset
@@ -25,6 +26,7 @@ class FleetTask(NamedTuple):
     joint: str  # its name in the file
     file: Surveyed
     versions: tuple[tuple[str, str], ...]  # of the client
+    levels: Mapping[str, Any] = {}  # that the client changed
 
 
 class TaskEnd(NamedTuple):
@@ -60,7 +62,7 @@ def identify_task(task: FleetTask, identify: Identify) -> TaskEnd:
         worker = str(get_worker().address)
     for_good, why = False, version_difference(task.versions, versions(), worker)
     try:
-        with _ONE:
+        with _ONE, changed_levels(**task.levels):
             rows += () if why else identify(Path(path), task.joint)
     except InputError as error:
         for_good, why = not _may_pass(error), str(error)

@@ -100,11 +100,11 @@ def friction_line(joint: Joint) -> Iterator[tuple[str, str]]:
 
 
 def decided(joint: Joint) -> Iterator[tuple[str, str]]:
-    """Decisions by subject: a law other than the paper's, and choices by the data for the values to use."""
+    """Decisions by subject: changed levels, a law other than the paper's, and choices by the data for the values to use."""
     law = joint.settings.get("law", joint.law_name)
     if not law.startswith(f"{GAUSSIAN.name}:") and law != GAUSSIAN.name:
         yield "law", law
-    told = {"regressors": "chosen regressors", "directions": "chosen directions"}
+    told = {"levels": "levels", "regressors": "chosen regressors", "directions": "chosen directions"}
     of_points = any(x.data == "points" for x in joint.models)  # else static fits are of moving runs, too
     if any(isinstance(fit, TrackingFit) or not of_points for fit in value_fits(joint)):
         told |= {

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import pandas as pd
 
-from bristle.estimation.levels import MANY_INSIDE
+from bristle.estimation import levels
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding, Severity
 from bristle.identification.curve import curve
 from bristle.identification.known_joint import Known, chosen, moving_fits
@@ -190,7 +190,7 @@ def _of_joint(joint: Joint, figures: _Figures) -> list[Section]:
     inside = tables.table_1([joint])["inside"].dropna().astype(bool)
     if len(inside):
         together = "; misses are not independent: the estimates of one direction come from the same data"
-        more = together * bool(inside.mean() < MANY_INSIDE)
+        more = together * bool(inside.mean() < levels.MANY_INSIDE)
         ended.append(("truth", f"{inside.sum()} of {len(inside)} true values lie inside their 95 % intervals{more}."))
     drawn = static_sections.curve_and_residuals(joint, figures) if "curve" in figures else ()
     course = moving_sections.course(joint, figures)

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from bristle.estimation.levels import NAMED_ERRORS
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.curve import stated_curve, tops_of
 from bristle.identification.fits import Estimate, PreslidingFit, StaticFit, TrackingFit
@@ -82,12 +82,12 @@ def pair(e: Estimate) -> str:
     return measured(e.value, e.standard_error) + constants
 
 
-def biased(fit: TrackingFit, named_errors: float = NAMED_ERRORS) -> dict[ParameterName, str]:
+def biased(fit: TrackingFit) -> dict[ParameterName, str]:
     """Bias by encoder counts above `named_errors`, by parameter: -0.12 N*m/rad (-0.4 standard errors)."""
     found = {}
     for name, added in fit.count_bias.items():
         e = fit.parameters.get(name)
-        if e is not None and e.standard_error and abs(added) > named_errors * e.standard_error:
+        if e is not None and e.standard_error and abs(added) > levels.NAMED_ERRORS * e.standard_error:
             found[name] = f"{added:+.3g} {e.unit} ({added / e.standard_error:+.1f} standard errors)"
     return found
 

@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, NullLocator
 
-from bristle.estimation.levels import MOST_FAILED
+from bristle.estimation import levels
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.model.parameters import Kind, unit
 from bristle.page.page import Drawing
@@ -210,7 +210,7 @@ def methods_figure(result: CaseResult) -> Figure:
     figure.subplots_adjust(left=0.34)
     rows, v_s = list(result.methods.values()), result.case.truth.v_s
     # A method that fails in more than a fifth of the sets does not widen the axis.
-    reach = 100 * max(abs(m.bias[-1]) + m.spread[-1] for m in rows if m.failed <= MOST_FAILED) / v_s
+    reach = 100 * max(abs(m.bias[-1]) + m.spread[-1] for m in rows if m.failed <= levels.MOST_FAILED) / v_s
     edge: dict[str, Any] = {"xycoords": ("axes fraction", "data"), "va": "center", "fontsize": 9}
     for k, m in enumerate(rows):
         colour = "#D55E00" if m.name == REFINED else "#666666" if m.name in PLAIN_GRIDS.values() else "#0072B2"

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bristle.arrays import Array, result
-from bristle.estimation.levels import FINE_ENOUGH, MOST_DECLINED
+from bristle.estimation import levels
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.questions.method_validation.cases import CaseSet
 from bristle.questions.method_validation.solvers import ValidationCase
@@ -44,7 +44,7 @@ class GridResolution:
     @property
     def enough(self) -> int | None:
         """The fewest of `counts` from which on the error is at most `FINE_ENOUGH` times the floor, if any."""
-        fine = self.error <= FINE_ENOUGH * self.floor
+        fine = self.error <= levels.FINE_ENOUGH * self.floor
         first = next((k for k in range(fine.size) if fine[k:].all()), None)
         return None if first is None else self.counts[first]
 
@@ -116,7 +116,7 @@ class CaseResult:
     @property
     def not_identifiable(self) -> bool:
         """Whether no method can identify v_s from these data."""
-        return self.declined > MOST_DECLINED
+        return self.declined > levels.MOST_DECLINED
 
     @property
     def which(self) -> dict[str, object]:

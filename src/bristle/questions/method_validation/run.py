@@ -8,8 +8,7 @@ import numpy as np
 from bristle.arrays import Array
 from bristle.data.experiment.schema import FitOptions
 from bristle.errors import InputError
-from bristle.estimation import covariance
-from bristle.estimation.levels import MOST_DECLINED
+from bristle.estimation import covariance, levels
 from bristle.estimation.profile_likelihood import profile_threshold
 from bristle.identification.static.batch import COARSE, Batch
 from bristle.identification.static.fit import estimate_static
@@ -108,7 +107,7 @@ def validate_case(case: ValidationCase, repetitions: int, starts: int, rng: np.r
         case=case, methods=by_method, starts=random_starts, declined=declined,
         resolution=_resolution(grid, {n: answers[name][0] for n, name in PLAIN_GRIDS.items()}),
         cost_curve=_cost_curve(case, torques[:, 0], random_starts),
-        coverage=interval_coverage(case, torques, identifiable=declined <= MOST_DECLINED),
+        coverage=interval_coverage(case, torques, identifiable=declined <= levels.MOST_DECLINED),
         polish_shift=max(float(step / s) if s > 0 else np.inf for step, s in zip(steps, spreads, strict=True)),
         cost_deficit=float(max(deficits.max(), 1 - random_starts.cost["IPOPT"].min() / random_starts.best_cost)),
     )  # fmt: skip  # a list of values

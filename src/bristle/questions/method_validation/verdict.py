@@ -4,14 +4,14 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from bristle.estimation.levels import FINE_ENOUGH, POLISH_MOVES
+from bristle.estimation import levels
 from bristle.findings import CAUTION, CRITICAL, NOTE, Finding
 from bristle.identification.static.grid import PLAIN_GRID
 from bristle.questions.method_validation.results import FREE, SAME_COST, CaseResult, Validation
 from bristle.questions.method_validation.run import PLAIN_GRIDS, POLISHED, REFINED
 
 
-def verdict(result: CaseResult, fine_enough: float = FINE_ENOUGH) -> tuple[Finding, ...]:
+def verdict(result: CaseResult) -> tuple[Finding, ...]:
     """Findings of one case: whether v_s is identifiable, grid against full fit, resolution, computing times."""
     starts, v_s, best = result.starts, result.case.truth.v_s, result.methods[REFINED]
     known, found = not result.not_identifiable, list[Finding]()
@@ -39,7 +39,7 @@ def verdict(result: CaseResult, fine_enough: float = FINE_ENOUGH) -> tuple[Findi
 
     # The resolution of the plain grid.
     if known:
-        resolution, most = result.resolution, f"{100 * fine_enough:.3g} %"
+        resolution, most = result.resolution, f"{100 * levels.FINE_ENOUGH:.3g} %"
         enough, share = resolution.enough, 100 * resolution.share(PLAIN_GRID)
         needed = f"none of the grids tried stays below {most}"
         if enough:
@@ -85,7 +85,7 @@ def _against_solvers(result: CaseResult) -> list[Finding]:
     else:
         message = f"IPOPT finds a cost below the refined grid's, by {deficit:.2g} relative; do not use the grid before the cause is known."
         found.append(Finding("ipopt-undercuts", CRITICAL, message, {"deficit": deficit}))
-    if known and shift > POLISH_MOVES:
+    if known and shift > levels.POLISH_MOVES:
         message = f"IPOPT initialised at the grid's estimate moves by up to {shift:.2g} standard errors, at nearly the same cost."
         found.append(Finding("polishing-moves", CAUTION, message, {"shift": shift}))
     elif known:
@@ -104,7 +104,7 @@ def _against_solvers(result: CaseResult) -> list[Finding]:
     return found
 
 
-def overall(validation: Validation, fine_enough: float = FINE_ENOUGH) -> tuple[Finding, ...]:
+def overall(validation: Validation) -> tuple[Finding, ...]:
     """Findings of all cases: the claim, then each of several designs."""
     results = validation.cases
     if not results:
@@ -134,7 +134,7 @@ def overall(validation: Validation, fine_enough: float = FINE_ENOUGH) -> tuple[F
         shares = {n: [x.starts.in_other_minimum(n).mean() for x in of] for n in of[0].starts.solvers}
         other = tuple((solver, 100 * float(np.mean(share))) for solver, share in shares.items())
         outside = 100 * float(np.mean([x.outside_range.mean() for x in of]))
-        coarse = sum(x.resolution.share(PLAIN_GRID) > fine_enough for x in knowable)
+        coarse = sum(x.resolution.share(PLAIN_GRID) > levels.FINE_ENOUGH for x in knowable)
         message = (
             f"{name}: random starts that end in another minimum: {_shares(other)}; with v_s free, {outside:.3g} % find a lower cost "
             f"outside the grid's range; v_s is not identifiable by any method in {unknowable} of {len(of)} cases; in {coarse} of "

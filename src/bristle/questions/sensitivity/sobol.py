@@ -14,7 +14,7 @@ from bristle.arrays import Array
 from bristle.control.closed_loop import simulate
 from bristle.control.control_period import LoopOptions
 from bristle.errors import InputError
-from bristle.estimation.levels import CONFIDENCE, DIVERGED
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.model import functions, parameters
@@ -125,7 +125,7 @@ def analysed(name: str, quantity: _Quantity, spans: Sequence[Span], values: Arra
         flat = Finding("nothing-changes-it", NOTE, "None of the parameters drawn changes it.")
         return Output(name=name, quantity=quantity, reason=flat)
     by_kind = _salib().analyze.sobol.analyze(
-        _problem(spans), values, calc_second_order=False, num_resamples=200, conf_level=CONFIDENCE, seed=seed + 1
+        _problem(spans), values, calc_second_order=False, num_resamples=200, conf_level=levels.CONFIDENCE, seed=seed + 1
     )  # SALib takes a seed of zero for none
     columns = (by_kind[kind].tolist() for kind in ("S1", "S1_conf", "ST", "ST_conf"))
     return Output(
@@ -205,15 +205,15 @@ def global_sensitivity(
             errors = _batched(error, loop_points, _BATCH)
         except InputError as refused:
             return Finding("plants-refused", CAUTION, f"No indices of the loop's error: {refused}.")
-        diverged, drawn = int(np.count_nonzero(~(errors < DIVERGED * subject.amplitude))), errors.size
+        diverged, drawn = int(np.count_nonzero(~(errors < levels.DIVERGED * subject.amplitude))), errors.size
         message = f"The loop diverges with {diverged} of the {drawn} plants drawn; narrow the box, or lower the gains."
         lost = Finding("loop-diverges", CAUTION, message, {"diverged": diverged, "drawn": drawn})
         return lost if diverged else errors
 
     # g(0) = alpha_0 + alpha_1, the limit of (9) for v -> 0, N*m; mean of both directions.
     drawn = joints_at(pair, spans, points)
-    levels = [evaluate(functions.steady_torque_function(p.law), 1e-200, *p.stribeck)[0] for p in drawn]
-    breakaways = np.asarray(np.mean(levels, axis=0))
+    steady = [evaluate(functions.steady_torque_function(p.law), 1e-200, *p.stribeck)[0] for p in drawn]
+    breakaways = np.asarray(np.mean(steady, axis=0))
     outputs = (
         analysed("RMS friction torque", "torque", spans, _batched(torque, points, _ROWS), seed),
         analysed("breakaway torque", "torque", spans, breakaways, seed),

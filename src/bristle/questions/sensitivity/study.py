@@ -10,8 +10,8 @@ from numpy.typing import NDArray
 
 from bristle.arrays import Array
 from bristle.errors import InputError
+from bristle.estimation import levels
 from bristle.estimation.autocorrelation import inflation
-from bristle.estimation.levels import CONFIDENCE, EXPLAINS, WIDE
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.moving_runs import load_columns, regressors_of
 from bristle.identification.results import Joint
@@ -47,7 +47,7 @@ class Expected(NamedTuple):
         """Identifiable parameters, (p,): to half the value, or with any finite error where the value may be zero."""
         errors, zero = self.information.standard_errors, ("offset", "gravity", "spring", "quadratic", "inertia")
         may_be_zero = np.array([x.name.startswith(zero) for x in self.information.names], dtype=bool)
-        return (errors < WIDE * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
+        return (errors < levels.WIDE * np.abs(self.information.point)) | (may_be_zero & np.isfinite(errors))
 
     def to_frame(self, kind: JointKind) -> "pd.DataFrame":
         """One row per parameter: expected standard error, that of the joint's fit, and whether it is identifiable."""
@@ -293,7 +293,7 @@ def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
     simulated = (
         f"SIMULATED: a sine of {sobol.amplitude:.3g} {unit('position', kind)} at {sobol.frequency:.3g} Hz; in the loop the "
         "compensator keeps the nominal parameters while the plant is drawn. ± of an index is its "
-        f"{100 * CONFIDENCE:.0f} % bootstrap interval, which is conservative for these samples."
+        f"{100 * levels.CONFIDENCE:.0f} % bootstrap interval, which is conservative for these samples."
     )
     found = []
     for output in sobol.outputs:
@@ -302,10 +302,10 @@ def sobol_sentences(sobol: Global, kind: JointKind) -> tuple[Finding, ...]:
             found.append(Finding("no-indices", NOTE, f"{start}: {output.reason}"))
             continue
         first, *others = sorted(output.effects, key=lambda e: -e.total)
-        named = [first, *(e for e in others if e.total >= EXPLAINS)]
+        named = [first, *(e for e in others if e.total >= levels.EXPLAINS)]
         listed = ", ".join(f"{e.parameter} {e.total:.2f} ± {e.total_half:.2f} ({e.first:.2f} alone)" for e in named)
         share = 1 - sum(e.first for e in output.effects)
-        more = f"; interactions account for {share:.2f}" if share >= EXPLAINS else ""
+        more = f"; interactions account for {share:.2f}" if share >= levels.EXPLAINS else ""
         message = f"{start}: total index {listed}{more}; {output.samples} samples, {output.evaluations} evaluations."
         total = tuple((e.parameter, e.total) for e in (first, *others))
         numbers = {"total": total, "samples": output.samples, "evaluations": output.evaluations}

@@ -17,7 +17,7 @@ from scipy.special import fdtrc, stdtr, stdtrit
 
 from bristle.arrays import Array
 from bristle.errors import InputError
-from bristle.estimation.levels import LEAST_FREEDOM, NAMED, ONE_RATIO
+from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.fits import Estimate
 from bristle.identification.systematic import statistical
@@ -28,7 +28,7 @@ _MANY = 1e9  # stands for infinite degrees of freedom
 NO_CHANGE = Finding("no-change", NOTE, "No change beyond the joint uncertainty.")
 
 
-def compare(first: results.Session, second: results.Session, *, named: float = NAMED) -> results.Comparison:
+def compare(first: results.Session, second: results.Session) -> results.Comparison:
     """Changes of the joints in both sessions. Raises InputError without such a joint, or for other kinds or units."""
     shared = [name for name in first if name in second]
     if not shared:
@@ -48,10 +48,12 @@ def compare(first: results.Session, second: results.Session, *, named: float = N
     for k, p in zip(known, holm(np.array([changes[k].p for k in known], dtype=float)).tolist(), strict=True):
         rose = (changes[k].difference or 0.0) > 0
         moved = Finding("rose" if rose else "fell", NOTE, f"{'Rose' if rose else 'Fell'} beyond the joint uncertainty.")
-        changes[k] = replace(changes[k], adjusted=p, changed=p < named, verdict=moved if p < named else NO_CHANGE)
+        changes[k] = replace(
+            changes[k], adjusted=p, changed=p < levels.NAMED, verdict=moved if p < levels.NAMED else NO_CHANGE
+        )
     sets = [x for name, (a, b) in both.items() for x in _sets(name, a, b)]
     adjusted = holm(np.array([x.p for x in sets])).tolist()
-    sets = [replace(x, adjusted=p, changed=p < named) for x, p in zip(sets, adjusted, strict=True)]
+    sets = [replace(x, adjusted=p, changed=p < levels.NAMED) for x, p in zip(sets, adjusted, strict=True)]
     return results.Comparison(
         changes=tuple(changes), sets=tuple(sets), kinds={name: first[name].kind for name in shared},
         sentence=sentence(changes, sets), warnings=tuple(warnings(first, second, shared, changes)),
@@ -134,7 +136,7 @@ def _sets(joint: str, first: results.SessionJoint, second: results.SessionJoint)
         both = set.intersection(*known)
         names = tuple(n for n in shared if n in both)
         freedom = min(a.freedom, b.freedom)
-        if len(names) < 2 or freedom - len(names) < LEAST_FREEDOM or results.FitPair(a, b).distrusted:
+        if len(names) < 2 or freedom - len(names) < levels.LEAST_FREEDOM or results.FitPair(a, b).distrusted:
             continue
         statistic = _statistic(a, b, names)
         if statistic is None:
@@ -259,7 +261,11 @@ def warnings(
             for c in torques
             if c.changed is not None and c.first and c.first.value
         ]
-        if len(known) > 2 and any(c.changed for c in torques) and np.ptp(known) < ONE_RATIO * abs(np.mean(known)):
+        if (
+            len(known) > 2
+            and any(c.changed for c in torques)
+            and np.ptp(known) < levels.ONE_RATIO * abs(np.mean(known))
+        ):
             message = (
                 f"{name}: friction and inertia changed by the same ratio; that may be the torque's scale (motor "
                 "constant, drive gain), not the friction."
