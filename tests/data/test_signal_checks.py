@@ -465,6 +465,12 @@ def test_dead_zones_and_levels_of_a_torque() -> None:
             assert found.code == "dead-zone"
             assert found.numbers["share"] == pytest.approx(np.mean(dead == 0))
             assert kinds(record, "tracking") == []
+            # one that takes nothing off beyond it is left out, unless it is as wide as a step between samples
+            known = np.abs(torque) >= width
+            (found,) = check_torque(replace(record, torque=known * torque), "tracking")
+            if width == 0.4:
+                assert found.code == "dead-zone-left-out"
+                assert np.array_equal(at_limits(replace(record, torque=known * torque)), ~known)
             # holds, which take a few rounded torques far more often than the zone does
             held = replace(record, torque=np.round(1e3 * np.where(np.abs(v) > 0.8, np.sign(v), dead)) / 1e3)
             assert [x.code for x in check_torque(held, "ramp")] == ["dead-zone"]

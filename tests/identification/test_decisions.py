@@ -39,10 +39,10 @@ def motion(seconds: float = 15.0) -> tuple[Array, Array, Array, Array]:
     return sines(RATE, seconds, [(0.4, 0.13, 0.2), (0.3, 0.31, 1.0), (0.15, 0.71, 2.0), (0.05, 1.3, 0.4)])
 
 
-def log(folder: Path, torque: Array, fit: str = "", limit: float = np.inf) -> Path:
-    """An experiment of one moving run with this torque, (n,), and white noise of 10 mN m, cut off at a limit."""
+def log(folder: Path, torque: Array, fit: str = "", limit: float = np.inf, noise: float = 0.01) -> Path:
+    """An experiment of one moving run with this torque, (n,), and white noise, N*m, cut off at a limit."""
     t, q, _, _ = motion()
-    noisy = np.clip(torque + white(t.size, 0.01), -limit, limit)
+    noisy = np.clip(torque + white(t.size, noise), -limit, limit)
     return experiment_file(folder, {"t": t, "q": q, "T": noisy}, fit=f"directions: symmetric{fit}")
 
 
@@ -106,12 +106,16 @@ def test_terms_of_the_position_are_taken_where_they_explain_what_is_left(tmp_pat
 
 
 def test_clipped_samples_are_left_out(tmp_path: Path) -> None:
-    """A torque cut off at seven tenths of its largest, or at four, where most samples are clipped: they are named, and the joint comes back."""
+    """A torque cut off at a limit, where most samples may be clipped, or zero in a dead zone: they are named, and the joint comes back."""
     torque = clean()
     for share in (0.7, 0.55):
         joint = bristle.identify(log(tmp_path, torque, limit=share * float(np.abs(torque).max()))).joint()
         assert "clipped-left-out" in codes(joint.warnings), share
         near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+    # so are those in a dead zone, below a third of the friction
+    joint = bristle.identify(log(tmp_path, np.where(np.abs(torque) < 0.3, 0.0, torque), noise=0.0)).joint()
+    assert "dead-zone-left-out" in codes(joint.warnings)
+    near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
 
 
 def test_a_noisy_or_late_velocity_gives_way_to_the_slope_of_the_position(tmp_path: Path) -> None:

@@ -27,10 +27,12 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
 
 
 def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
-    """Samples of a run that are clipped, unless most are, or fill a gap: the true torque there is unknown, (n,)."""
-    clipped = np.isin(record.time if record.torque is None else record.torque, _limits(record, kind))
-    clipped &= clipped.mean() < levels.MOSTLY_CLIPPED
-    return clipped if record.filled is None else clipped | record.filled
+    """Samples of a run that are clipped, or of a motion in a dead zone, unless most are, or fill a gap: the true torque is unknown, (n,)."""
+    unknown = np.isin(record.time if record.torque is None else record.torque, _limits(record, kind))
+    if kind == "tracking" and (dead := _in_dead_zone(record)) is not None and dead[1]:
+        unknown |= dead[0]
+    unknown &= unknown.mean() < levels.MOSTLY_CLIPPED
+    return unknown if record.filled is None else unknown | record.filled
 
 
 def _limits(record: Record, kind: RunKind) -> list[float]:
@@ -140,10 +142,13 @@ def _loaded_at_start(record: Record, _: RunKind) -> Finding | None:
     return Finding("loaded-at-start", CAUTION, message, {"files": (record.file,), "torque": begins, "share": share})
 
 
-def _dead_zone(record: Record, _: RunKind) -> Finding | None:
-    """A torque of a moving joint that is exactly zero far too often where its sign changes, beside the next values."""
-    torque, position = record.torque, record.position
-    if torque is None or position is None or record.voltage is not None:
+def _in_dead_zone(record: Record) -> tuple[NDArray[np.bool_], float] | None:
+    """Samples of a moving joint in a dead zone, (n,): exactly zero far too often where the sign changes, beside the next values.
+
+    With the size below which all torques read zero; 0 where larger ones are less by it: they go on to zero then.
+    """
+    torque, way = record.torque, record.velocity if record.position is None else record.position
+    if torque is None or way is None or record.voltage is not None:
         return None
     zero = torque == 0
     if zero.sum() < max(levels.DEAD_ZONE * torque.size, levels.DEAD_SAMPLES):
@@ -152,21 +157,40 @@ def _dead_zone(record: Record, _: RunKind) -> Finding | None:
     if zero.sum() < levels.PILED * beside.max(initial=0):
         return None
     starts, stops = (np.flatnonzero(np.diff(np.pad(zero.astype(int), 1)) == sign) for sign in (1, -1))
-    whole = (starts > 0) & (stops < torque.size)
-    crosses = torque[starts[whole] - 1] * torque[stops[whole]] < 0
-    samples = (stops - starts)[whole]
-    steps = np.abs(np.diff(position))
+    whole = (starts > 1) & (stops < torque.size - 1)
+    starts, stops = starts[whole], stops[whole]
+    crosses, samples = torque[starts - 1] * torque[stops] < 0, stops - starts
+    steps = np.abs(way[1:] if record.position is None else np.diff(way))
     inside = steps[zero[1:] & zero[:-1]]
     rests = inside.size > 0 and inside.mean() < levels.DEAD_REST * steps.mean()
     if rests or crosses.sum() < levels.DEAD_SAMPLES or samples[crosses].sum() < 0.5 * samples.sum():
         return None
-    share = float(zero.mean())
-    message = (
+    # torques that go on to zero are beside it by less than a step between samples, evenly, and so the least of many by little
+    edges, next_to = (torque[np.append(starts - k, stops + k - 1)] for k in (1, 2))
+    sizes, steps = np.abs(edges), np.abs(next_to - edges)
+    as_small = (1 - sizes.min() / (2 * np.median(sizes))) ** sizes.size
+    return zero, float(sizes.min()) * bool(as_small < levels.RARE and np.mean(sizes > steps) > levels.MOSTLY)
+
+
+def _dead_zone(record: Record, kind: RunKind) -> Finding | None:
+    """A dead zone; of a moving run its samples are left out where it takes nothing off the others."""
+    if (found := _in_dead_zone(record)) is None:
+        return None
+    share, size = float(found[0].mean()), found[1]
+    told = (
         f"The torque of {record.file}{OTHER_FILES} is exactly zero in {100 * share:.1f} % of the samples, wherever it changes "
-        "its sign: its sensor or drive has a dead zone, and reversals look softer. Switch it off; where it is taken off larger "
-        "values too, alpha_0 lacks it: add it to the torque."
+        "its sign: its sensor or drive has a dead zone"
     )
-    return Finding("dead-zone", CRITICAL, message, {"files": (record.file,), "share": share}, {"torque": np.inf})
+    numbers = {"files": (record.file,), "share": share, "torque": size}
+    if size and kind == "tracking":
+        return Finding(
+            "dead-zone-left-out", CAUTION, f"{told}, below {size:.3g}. They are left out; switch it off.", numbers
+        )
+    message = (
+        f"{told}, and reversals look softer. Switch it off; where it is taken off larger values too, alpha_0 lacks it: add it to "
+        "the torque."
+    )
+    return Finding("dead-zone", CRITICAL, message, numbers, {"torque": np.inf})
 
 
 def _coarse(record: Record, kind: RunKind) -> Finding | None:

@@ -82,7 +82,7 @@ _CAUSES = {
     "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
     "backlash", "flexible-drive", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
 }  # fmt: skip  # a list of values
-_WIDENS = {"clipped-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
+_WIDENS = {"clipped-left-out", "dead-zone-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
 """Codes that explain large residuals, and those that explain wide errors."""
 _SIZES = {"unexplained", "misfit"}  # codes that state the size of residuals
 

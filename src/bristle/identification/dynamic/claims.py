@@ -148,15 +148,18 @@ def _is_weak(e: Estimate) -> bool:
 
 
 def _passes(problem: DynamicProblem, reach: float) -> Iterator[tuple[Direction, int]]:
-    """After each reversal the new direction, and in how many samples the joint has moved by `reach` from there, if it does."""
+    """After each reversal the new direction, and in how many samples of known torque the joint has moved by `reach` from there, if it does."""
     for m in problem.motions:
-        velocity = m.velocity
+        velocity, known = m.velocity, np.ones(m.time.size) if m.smooth is None else abs(m.smooth).sum(axis=0) > 0
         way = np.concatenate([[0.0], np.cumsum((velocity[1:] + velocity[:-1]) / 2 * m.step)])
         turns = np.flatnonzero(np.diff(np.sign(velocity))) + 1
         for first, last in pairwise([*turns, velocity.size]):
             far = np.abs(way[first:last] - way[first]) >= reach
             if far.any():
-                yield Direction("+" if velocity[first:last].mean() > 0 else "-"), int(np.argmax(far))
+                yield (
+                    Direction("+" if velocity[first:last].mean() > 0 else "-"),
+                    int(np.count_nonzero(known[first : first + np.argmax(far)])),
+                )
 
 
 def _halves_differ(problem: DynamicProblem, solution: MultistartSolution[Unknown]) -> dict[ParameterName, Finding]:
