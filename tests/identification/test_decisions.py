@@ -130,6 +130,21 @@ def test_a_noisy_or_late_velocity_gives_way_to_the_slope_of_the_position(tmp_pat
         near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
 
 
+def test_a_velocity_that_is_logged_alone_shows_gravity(tmp_path: Path) -> None:
+    """Its integral is the angle but for where it began: gravity's size comes back with friction; without gravity nothing is said of it."""
+    t, q, v, a = sines(500.0, 30.0, [(0.4, 0.13, 0.2), (0.3, 0.31, 1.0), (0.15, 0.71, 2.0)])
+    for gravity in (0.0, 1.5):
+        torque = bristle.simulate(v, 1 / 500, TRUTH) + INERTIA * a + gravity * np.sin(q + 0.4)
+        joint = drafted(
+            written(tmp_path / "log.csv", t=t, dq=v + white(t.size, 1e-4, 1), tau=torque + white(t.size, 0.01))
+        )
+        assert ("chosen position" in joint.settings) == (gravity > 0)
+        near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+        extra = {name.name: e.value for name, e in present(joint.tracking).parameters.items()}
+        size = np.hypot(extra.get("gravity_sin") or 0.0, extra.get("gravity_cos") or 0.0)
+        assert size == pytest.approx(gravity, rel=0.02)
+
+
 def test_a_drive_that_twists_is_taken_off_the_position(tmp_path: Path) -> None:
     """An encoder before a belt: its compliance within a hundredth, and friction as behind it; a stiff drive has none."""
     t, q, v, a = sines(500.0, 30.0, [(0.4, 0.13, 0.2), (0.3, 0.31, 1.0), (0.15, 0.71, 2.0)])

@@ -302,7 +302,7 @@ def test_counts_and_presliding_are_no_delay(bits: int, delay: float) -> None:
     """Behind encoders that hide presliding, and behind fine ones, no delay is named where there is none; a true one behind a fine one is."""
     count, torque = 2 * np.pi / 2**bits, present(record(noise=2e-4).torque)
     problem = posed(counted(count, np.interp(TIME - delay, TIME, torque)), decimation=5)
-    found = fitted(replace(problem, count=count, cutoff=40.0))
+    found = fitted(replace(problem, count=count, cutoff=40.0, position_logged=True))
     said = [d.numbers["delay"] for d in found.warnings if d.code == "torque-delayed"]
     assert said == pytest.approx([delay] * bool(delay), rel=0.2)
 
@@ -488,7 +488,7 @@ def swung(inertia: float) -> tuple[Array, Array, Array]:
 def read_through(t: Array, position: Array, torque: Array, inertia: float) -> TrackingFit:
     """The fit of what was read, through a low pass of 8 Hz."""
     read = estimate_motion(Record(file="run.csv", time=t, position=position, torque=torque), 8.0)
-    return fitted(replace(posed(read, decimation=5), cutoff=8.0), by_name(GRIPPER, inertia))
+    return fitted(replace(posed(read, decimation=5), cutoff=8.0, position_logged=True), by_name(GRIPPER, inertia))
 
 
 @pytest.mark.parametrize("play", [0.0, 5e-4])

@@ -402,7 +402,8 @@ def test_what_is_held_out_is_predicted_with_the_same_orders(tmp_path: Path) -> N
     # runs and points without a position are refused, as for gravity
     some = np.ones(3)
     path = experiment_file(tmp_path, {"t": some, "v": some, "T": some}, fit="regressors: [ripple]")
-    with pytest.raises(InputError, match="no position, which tracking runs need; name it under signals"):
+    path.write_text(path.read_text().replace("tracking", "ramp"))
+    with pytest.raises(InputError, match="no position, which ramp runs need; name it under signals"):
         load_experiment(path)
     with pytest.raises(InputError, match=r"fit\.regressors: cogging needs the position of every point"):
         bristle.fit(np.linspace(0.1, 1, 20), np.linspace(0.2, 0.3, 20), regressors=["cogging"], orders=[4])

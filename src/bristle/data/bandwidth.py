@@ -120,8 +120,9 @@ def _known(record: Record, *names: str) -> Array | None:
 
 
 def _own(record: Record) -> float:
-    """Frequency below which 99.9 % of the power of position, else velocity, lies, Hz."""
-    return _shown(np.asarray(_known(record, "position", "velocity"))[_longest(record)], record.step).own
+    """Frequency below which 99.9 % of the power of a position that is logged, else of the velocity, lies, Hz."""
+    logged = ("velocity",) if record.integrated else ("position", "velocity")
+    return _shown(np.asarray(_known(record, *logged))[_longest(record)], record.step).own
 
 
 class _Shown(NamedTuple):

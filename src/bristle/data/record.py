@@ -27,6 +27,7 @@ class Record:
     file: str  # where it came from, relative to the experiment file
     time: Array  # s, strictly increasing
     position: Array | None = None  # rad, unwrapped
+    integrated: bool = False  # whether it is the integral of a velocity that is logged alone, from zero
     velocity: Array | None = None  # rad/s, as logged, or as estimated from position
     velocity_estimated: bool = False  # whether it is estimated
     torque: Array | None = None  # N*m: torque of the drive, positive along positive velocity

@@ -202,8 +202,9 @@ def _refiltered(record: Record, cutoff: float | Choice, *, logged: bool = True) 
     kept = tuple(n for n in record.notes if n.code not in {"motion-from-position", "acceleration-from-velocity"})
     whole = record.fine or record
     velocity = whole.velocity if logged and not whole.velocity_estimated else None
-    moved = estimate_motion(replace(whole, velocity=velocity, acceleration=None, notes=kept), cutoff)
-    return with_motion(record, moved)
+    position = None if whole.integrated else whole.position
+    moved = estimate_motion(replace(whole, position=position, velocity=velocity, acceleration=None, notes=kept), cutoff)
+    return with_motion(record, replace(moved, position=whole.position))
 
 
 def with_slopes(measured: Measured, files: Container[str]) -> Measured:
@@ -211,7 +212,7 @@ def with_slopes(measured: Measured, files: Container[str]) -> Measured:
 
     def slope(record: Record) -> Record:
         """A run of those files that has both."""
-        both = record.position is not None and not record.velocity_estimated
+        both = record.position is not None and not record.velocity_estimated and not record.integrated
         return _refiltered(record, of_motion, logged=False) if both and record.file in files else record
 
     return replace(measured, runs=_changed(measured.runs, slope))
@@ -260,7 +261,8 @@ def without_lag(measured: Measured, lag: float) -> Measured:
         whole = record.fine or record
         if whole.velocity is None or whole.acceleration is None:
             return record
-        there = replace(whole, velocity=whole.velocity + lag * whole.acceleration)
+        place = None if whole.position is None else whole.position + lag * whole.velocity
+        there = replace(whole, position=place, velocity=whole.velocity + lag * whole.acceleration)
         return _refiltered(there if record.fine is None else replace(record, fine=there), record.cutoff)
 
     return replace(measured, runs=_changed(measured.runs, true))

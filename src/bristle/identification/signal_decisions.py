@@ -8,7 +8,7 @@ import numpy as np
 
 from bristle.arrays import Array
 from bristle.data.experiment.constants import ONE
-from bristle.data.experiment.schema import AS_WRITTEN
+from bristle.data.experiment.schema import AS_WRITTEN, PERIODIC
 from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.errors import InputError
 from bristle.estimation import levels
@@ -109,8 +109,13 @@ class SignalDecisions:
         notes = (note for run in self.measured.runs for note in run.record.notes)
         if (noisy := next((note for note in notes if note.code == "velocity-noisy"), None)) is not None:
             self.told["chosen velocity"] = noisy.message
+        placed = {"gravity", "spring", *PERIODIC} & {*(self.measured.experiment.fit.regressors or ())}
+        if placed and any(r.integrated for r in self.measured.moving(hold_out=False)):
+            self.told["chosen position"] = (
+                "the integral of the velocity, from zero, for none is logged (signals.position overrules)"
+            )
         moving = self.measured.moving(hold_out=False)
-        both = any(r.position is not None and not r.velocity_estimated for r in moving)
+        both = any(r.position is not None and not r.velocity_estimated and not r.integrated for r in moving)
         drives = self.measured.experiment.signals.drive() == "command"  # makes the torque of the logged velocity itself
         if not both or drives or self.measured.experiment.fit.set_up == AS_WRITTEN:
             return
@@ -253,7 +258,7 @@ class SignalDecisions:
 
     def _lagging(self, as_logged: Measured, late: float) -> bool:
         """Take a velocity that is logged alone, `late` s behind, as it was before a time constant where that leaves a tenth less."""
-        if any(r.position is not None for r in as_logged.moving(hold_out=False)):
+        if any(r.position is not None and not r.integrated for r in as_logged.moving(hold_out=False)):
             return False
         best = self._least(lambda times: without_lag(as_logged, times * late), [1.0], [_LONGEST])
         if best is None or not self.take(without_lag(as_logged, best.x[0] * late), levels.LOWER, afresh=True):

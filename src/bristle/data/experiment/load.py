@@ -111,7 +111,7 @@ class Experiment(StrictModel):
         if moving and signals.time is None:
             yield "no time; give a column, as in time: {column: t, unit: s}, or a rate, as in time: {rate: 1 kHz}, under signals"
         by_position = not {"gravity", *schema.PERIODIC}.isdisjoint(self.fit.regressors or ())
-        needs_position = run.experiment == "presliding" or (moving and by_position)
+        needs_position = run.experiment == "presliding" or (run.experiment == "ramp" and by_position)
         if signals.position is None and (needs_position or signals.velocity is None):
             wanted = "position" if needs_position else "velocity" if not moving else "position (or velocity)"
             yield f"no {wanted}, which {run.experiment} runs need; name it under signals"
@@ -282,7 +282,22 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
         wrong = check_signals(record, run.experiment, signals, experiment.context)
         shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context, experiment.coasting)
     warnings = (*record.warnings, *check_units(shown, stated, signals), *wrong)
-    return replace(record, warnings=warnings, torque_shifts=shifts)
+    record = replace(record, warnings=warnings, torque_shifts=shifts)
+    return _placed(record) if run.experiment == "tracking" else record
+
+
+def _placed(record: Record) -> Record:
+    """The record with the integral of a velocity that is logged alone, without gaps, for its position: all but where it began is known."""
+    if record.position is not None or record.velocity is None or len(record.starts) > 1:
+        return record
+    from scipy.integrate import cumulative_trapezoid
+
+    position = cumulative_trapezoid(record.velocity, record.time, initial=0)
+    message = (
+        "No position is logged: it is taken as the integral of the velocity, from zero, so that gravity can be told."
+    )
+    note = Finding("position-integrated", NOTE, message)
+    return replace(record, position=position, integrated=True, notes=(*record.notes, note))
 
 
 def from_current(k_t: float, unit: str) -> Finding:

@@ -39,7 +39,7 @@ def without_count_bias(
     solved: DynamicSolution, records: Sequence[Record], pose: Pose, resolution: float
 ) -> TrackingFit:
     """The fit with the bias of counts of `resolution`, rad, subtracted, its scatter added to the errors."""
-    if any(r.position is None for r in records):
+    if any(r.position is None or r.integrated for r in records):
         return solved.fit
     rng, true = np.random.default_rng(_SEED), [between_counts(r.fine or r, resolution) for r in records]
     smooth = pose([with_motion(r, x) for r, x in zip(records, true, strict=True)], solved.problem.fixed)

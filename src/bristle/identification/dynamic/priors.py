@@ -178,7 +178,9 @@ def _problem(
     (known, _), options, asked = inertia(experiment), experiment.fit, regressors(experiment)
     posed = dynamic_problem(records, moving, asked, options.every, known, fixed, options.friction)
     cutoff = max(r.cutoff for r in records)
-    return replace(posed, count=_count(experiment, records), cutoff=cutoff, stribeck=options.model)
+    logged = all(r.position is not None and not r.integrated for r in records)
+    count = _count(experiment, records)
+    return replace(posed, count=count, cutoff=cutoff, position_logged=logged, stribeck=options.model)
 
 
 def _count(experiment: Experiment, records: Sequence[Record]) -> float:

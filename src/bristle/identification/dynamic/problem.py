@@ -126,6 +126,7 @@ class DynamicProblem:
     sigma: float = 1.0  # Scatter of the residuals, N*m: the weight of priors
     count: float = 0.0  # Encoder count behind the velocity, rad, or 0
     cutoff: float = 0.0  # Of the low pass of the motion, Hz, or 0
+    position_logged: bool = False  # In all runs
     stribeck: Literal["auto", "coulomb-viscous", "stribeck"] = "auto"  # As `fit.model`
     given: tuple[str, ...] = ()  # As in `Regression`
 

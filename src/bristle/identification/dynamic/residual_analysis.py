@@ -78,7 +78,7 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
         ask(partial(_by_load, problem.law.name), load, is_friction=True)
     if INERTIA not in problem.names and INERTIA.name not in problem.given:
         ask(partial(_inertia, kind), [np.gradient(m.velocity, m.time) for m in motions])
-    if problem.cutoff and all(m.position.size for m in motions):
+    if problem.position_logged:
         shifted, top = partial(_shifted, problem, solution.values, torque), problem.fastest
         ask(_backlash, *(shifted([-np.tanh(m.velocity / (width * top)) for m in motions]) for width in _WIDTHS))
         # a drive twists by its torque less what accelerates a share of the inertia before that
