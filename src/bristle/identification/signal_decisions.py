@@ -40,6 +40,10 @@ _SHIFTS = 6  # most corrections of a delay, each of first order
 _OFF_LINE = 1.5  # equations per period of a vibration: their filter takes it off
 _SLOWER = 1.25  # times as many samples an equation, at the least, against one
 _OVERTONE = 0.1  # of the frequency of a sine: nearer to a multiple of it is the shape of its friction
+_BEHIND, _ALL_BEHIND = (
+    0.1,
+    3.0,
+)  # of the inertia: a search begins, and ends; beyond 1 friction is before what twists, too
 _LONGEST = 4.0  # times the delay that fits best: the longest time constant
 
 
@@ -174,17 +178,17 @@ class SignalDecisions:
         """Take the position where it rubs, behind a drive that twists, where residuals fall by a tenth."""
         as_logged, alone, moving = self.measured, self.joint.tracking, self.joint.moving
         found = (w.numbers for w in (moving.warnings if moving else ()) if w.code == "flexible-drive")
-        asked = next((float(x["compliance"]) for x in found), 0.0)
-        if not asked or alone is None or as_logged.experiment.fit.set_up == AS_WRITTEN:
+        asked, ahead = next(((float(x["compliance"]), float(x["before"])) for x in found), (0.0, 0.0))
+        if asked <= 0 or alone is None or as_logged.experiment.fit.set_up == AS_WRITTEN:
             return
         given = as_logged.experiment.inertia
         inertia = alone.known.get(INERTIA, 0.0 if given is None else given.value)
 
-        def twisted(compliance: float, before: float) -> Measured:
-            """The same for this compliance, over the one asked for, and this share of the inertia before what twists."""
-            return without_twist(as_logged, compliance * asked, inertia, before)
+        def twisted(compliance: float, behind: float) -> Measured:
+            """The same for this compliance, over the one asked for, and this share of the inertia behind what twists."""
+            return without_twist(as_logged, compliance * asked, inertia, 1 - behind)
 
-        best = self._least(twisted, [1.0, 0.3], [np.inf, 1.0])
+        best = self._least(twisted, [1.0, max(1 - ahead, _BEHIND)], [np.inf, _ALL_BEHIND])
         if best is not None and self.take(twisted(*best.x.tolist()), levels.LOWER, afresh=True):
             J = np.asarray(best.jac)
             spread = np.linalg.pinv(J.T @ J)[0, 0] * np.mean(best.fun**2) * inflation(best.fun)

@@ -1,6 +1,6 @@
 """Terms that a moving fit lacks (`score_test`), and unexplained patterns of its residuals."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -27,7 +27,7 @@ _LEAST = 1e-100  # of sigma_0: no division by zero
 _WIDTHS = (0.005, 0.01, 0.015, 0.02, 0.03, 0.05, 0.1)  # of the largest speed, to pass the backlash
 _ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: half the width of a dead zone
 _TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: where a sensor or drive saturates
-_BEFORE = (0.0, 0.25, 0.5, 0.75, 1.0)  # of the inertia: before what twists
+_BEFORE = (-1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 1.0)  # of the inertia: before what twists; below 0: friction is there, too
 _SMALL = 1e-5  # of the way: a shift of the position with a proportional torque
 _PHASE = 0.37  # of a count: the rest position of a simulated counting
 
@@ -77,18 +77,12 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
         load = [np.abs(m.extra[:, weighs] @ extra[weighs]) * np.sign(m.velocity) for m in motions]
         ask(partial(_by_load, problem.law.name), load, is_friction=True)
     if INERTIA not in problem.names and INERTIA.name not in problem.given:
-        ask(partial(_inertia, kind), [np.gradient(m.velocity, m.time) for m in motions])
+        ask(partial(_inertia, kind), _accelerates(motions, 1.0))
     if problem.position_logged:
-        shifted, top = partial(_shifted, problem, solution.values, torque), problem.fastest
-        ask(_backlash, *(shifted([-np.tanh(m.velocity / (width * top)) for m in motions]) for width in _WIDTHS))
-        # a drive twists by its torque less what accelerates a share of the inertia before that
-        inertia, twists = values.get(INERTIA, 0.0), list[list[Array]]()
-        for share in _BEFORE:
-            behind = [
-                share * inertia * np.gradient(m.velocity, m.time) - T for T, m in zip(torque, motions, strict=True)
-            ]
-            twists.append(shifted(behind, 1 - share))
-        ask(_flexible, *twists)
+        shifted = partial(_shifted, problem, solution.values, torque)
+        ways = ([-np.tanh(m.velocity / (width * problem.fastest)) for m in motions] for width in _WIDTHS)
+        ask(_backlash, *([rubs + inert for rubs, inert in shifted(way)] for way in ways))
+        ask(_flexible, *_twisted(shifted(torque), shifted(_accelerates(motions, values.get(INERTIA, 0.0)))))
     if (largest := max(float(np.abs(T).max()) for T in torque)) > 0:
         ask(partial(_dead_zone, largest), *([np.clip(T / (x * largest), -1, 1) for T in torque] for x in _ZONES))
         read = float(np.quantile(np.abs(np.concatenate([m.measured for m in motions])), levels.NEARLY_ALL))
@@ -190,19 +184,35 @@ def _by_load(law: str, found: Score, _: int) -> Finding:
 
 
 def _shifted(
-    problem: DynamicProblem, values: Values, torque: Sequence[Array], behind: Sequence[Array], share: float = 1.0
-) -> list[Array]:
-    """Change of the torque where what rubs, and a share of the inertia, is behind the logged position by so much, rad, (N,) of each motion."""
+    problem: DynamicProblem, values: Values, torque: Sequence[Array], behind: Sequence[Array]
+) -> list[tuple[Array, Array]]:
+    """Change of the torque where what rubs, and where the inertia, is behind the logged position by so much, rad, (N,) of each motion."""
     way, size = (max(float(np.ptp(x)) for x in each) for each in ([m.position for m in problem.motions], behind))
-    small, motions = _SMALL * way / max(size, 1e-300), []
+    small, motions, inert = _SMALL * way / max(size, 1e-300), list[Motion](), list[Array]()
+    inertia = values.get(INERTIA, 0.0) if INERTIA in problem.extra_names else 0.0
     for m, by in zip(problem.motions, behind, strict=True):
         record = Record(file=m.file, time=m.time)
-        off = small * smoothed(record, by, usable(record, problem.cutoff))
-        inert = share * np.array([name == INERTIA for name in problem.extra_names], dtype=np.float64)
-        extra = m.extra + derivative(record, off, 2)[:, None] * inert
-        motions.append(replace(m, velocity=m.velocity + derivative(record, off, 1), extra=extra))
+        off = smoothed(record, by, usable(record, problem.cutoff))
+        motions.append(replace(m, velocity=m.velocity + small * derivative(record, off, 1)))
+        inert.append(inertia * derivative(record, off, 2))
     moved = modelled(replace(problem, motions=tuple(motions)), values)
-    return [(x - T) / small for x, T in zip(moved, torque, strict=True)]
+    return [((x - T) / small, of_inertia) for x, T, of_inertia in zip(moved, torque, inert, strict=True)]
+
+
+def _accelerates(motions: Sequence[Motion], inertia: float) -> list[Array]:
+    """The torque that accelerates an inertia, (N,) of each motion."""
+    return [inertia * np.gradient(m.velocity, m.time) for m in motions]
+
+
+def _twisted(
+    by_torque: Sequence[tuple[Array, Array]], by_inertia: Sequence[tuple[Array, Array]]
+) -> Iterator[list[Array]]:
+    """Columns of a drive that twists by its torque less what accelerates a share of the inertia before that, for each of the shares."""
+    for share in _BEFORE:
+        yield [
+            share * a - T + (1 - share) * (share * of_a - of_T)
+            for (T, of_T), (a, of_a) in zip(by_torque, by_inertia, strict=True)
+        ]
 
 
 def _backlash(found: Score, _: int) -> Finding:
@@ -215,16 +225,21 @@ def _backlash(found: Score, _: int) -> Finding:
     return Finding("backlash", CAUTION, message, {"play": abs(twice), "share": found.share})
 
 
-def _flexible(found: Score, _: int) -> Finding | None:
-    """A drive that twists by compliance times the torque behind the inertia before it."""
+def _flexible(found: Score, which: int) -> Finding | None:
+    """A drive that twists by compliance times the torque behind the inertia before it.
+
+    Friction before it, a share f of all, is as a compliance of (1 - f)**2 as much, and (b - f) / (1 - f) for a share b of
+    the inertia, while both sides turn together; where they do not, friction looks ahead.
+    """
     compliance, error = float(found.sizes[0]), float(found.errors[0])
+    where, sides = ("behind", "") if compliance > 0 else ("ahead of", ", with friction on both sides,")
     message = (
-        f"What rubs is behind the position by {compliance:.2g} +/- {error:.1g}{unit_of('position')} per{unit_of('torque')}, which would explain "
-        f"{100 * found.share:.0f} % of what the fit leaves: a belt, shaft or coupling between them twists, or has backlash. Bristle and peak "
-        "take part of it up; log the position where it rubs."
+        f"What rubs is {where} the position by {abs(compliance):.2g} +/- {error:.1g}{unit_of('position')} per{unit_of('torque')}, which would "
+        f"explain {100 * found.share:.0f} % of what the fit leaves: a belt, shaft or coupling between them twists{sides} or has backlash. "
+        "Bristle and peak take part of it up; log the position where it rubs."
     )
-    numbers = {"compliance": compliance, "error": error, "share": found.share}
-    return Finding("flexible-drive", CAUTION, message, numbers) if compliance > 0 else None
+    numbers = {"compliance": compliance, "error": error, "share": found.share, "before": _BEFORE[which]}
+    return Finding("flexible-drive", CAUTION, message, numbers) if compliance else None
 
 
 def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
