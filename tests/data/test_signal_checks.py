@@ -380,6 +380,7 @@ def test_clean_torques_and_motions_are_left_alone() -> None:
         for other in (
             replace(record, torque=torque),
             loaded,
+            replace(record, torque=torque + 1.02 * np.abs(torque).max()),
             replace(record, velocity=np.abs(v), torque=np.abs(torque)),
         ):
             assert "torque-unsigned" not in kinds(other, "tracking")

@@ -106,9 +106,10 @@ def _unsigned(record: Record, _: RunKind) -> Finding | None:
     back = float(speed[record.velocity < 0].sum() / speed.sum())
     slow = np.where(speed <= levels.UNSIGNED_SLOW * speed.max(), size, np.inf)
     least = np.minimum.reduceat(slow, np.append(0, (turns[:-1] + turns[1:]) // 2))
-    (samples, near), (at_turns, low), way = levels.UNSIGNED_ZERO, levels.UNSIGNED_LOW, levels.UNSIGNED_WAY
-    next_to_zero = np.quantile(size, samples) <= near * size.max()
-    falls = next_to_zero or np.quantile(least, at_turns, method="lower") <= low * np.median(size)
+    # beside a turn both strokes have more, where the weight of a joint has more in one alone
+    strokes = np.array([np.median(x) for x in np.split(size, turns + 1)])
+    (at_turns, low), way = levels.UNSIGNED_LOW, levels.UNSIGNED_WAY
+    falls = np.mean(least <= low * np.minimum(strokes[:-1], strokes[1:])) >= at_turns
     if not (way < back < 1 - way and falls):
         return None
     beyond = "below" if record.torque.max() > 0 else "above"

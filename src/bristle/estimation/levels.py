@@ -62,7 +62,10 @@ FEW_CLIPPED, SHORT_LOG = 3, 200  # samples at a limit that are no chance: among 
 NEXT_LEVEL, DISTINCT = 0.05, 0.9  # of a torque's range: a limit and the next value; of points: torques of their own
 UNSIGNED, UNSIGNED_TURNS = 200, 4  # samples, and turns, that show that a torque has no sign
 UNSIGNED_WAY, UNSIGNED_SLOW = 0.1, 0.1  # of the way, at least, in each direction; of the fastest speed at a turn
-UNSIGNED_ZERO, UNSIGNED_LOW = (0.02, 0.05), (0.2, 0.2)  # share of samples, of turns; of the largest, the median torque
+UNSIGNED_LOW = (
+    0.2,
+    0.2,
+)  # share of turns; of the median torque of both strokes beside: there a torque without a sign is near zero
 DEAD_ZONE, DEAD_SAMPLES, DEAD_REST = 5e-4, 4, 0.001  # share at zero; samples, and turns; of the mean speed: rest
 STARTS_LOADED, COARSE = 0.02, 64  # of the largest torque: a load at the start of slow loading; steps of a coarse torque
 UNRELATED, FACTOR_KNOWN = 0.7, 2.0  # correlation of velocity and position, unless one is noise; ratio of its limits

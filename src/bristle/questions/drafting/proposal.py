@@ -18,7 +18,7 @@ from bristle.data.run_kinds import kinds_of, stretches
 from bristle.errors import InputError
 from bristle.estimation import levels
 from bristle.findings import Severity
-from bristle.identification.measured import measure
+from bristle.identification.measured import Measured, measure, with_options
 from bristle.identification.moving_runs import DIRECTIONS, moved_in, refuse_opposing_runs, regressor_line
 from bristle.identification.robot.measured import against_urdf
 from bristle.identification.static import set_up
@@ -85,13 +85,34 @@ def draft_of_logs(
     return draft.text(runs, fit), tuple(sentence for sentence in (*said, why) if sentence)
 
 
+def _of_points(measured: Measured) -> set_up.BetterSetUp | None:
+    """The set-up of points to begin with; plain unless its loads pay by BIC, beside v_s and the best directions, where both were measured."""
+    points = measured.points(hold_out=False)
+    proposal = set_up.trial_of_points(measured.experiment, points).proposed()
+    loads = () if proposal is None else tuple(x for x in proposal.set_up.regressors if x != "offset")
+    if proposal is None or not loads:
+        return proposal
+    bic, plain = (
+        min(
+            set_up.directions_of_points(with_options(measured, regressors=x).experiment, points).values(),
+            default=np.inf,
+        )
+        for x in (loads, ())
+    )
+    return (
+        replace(proposal, set_up=replace(proposal.set_up, regressors=()))
+        if plain <= bic and plain < np.inf
+        else proposal
+    )
+
+
 def _fit(text: str, path: Path, directions: str | None = None) -> tuple[str, str]:
     """The `fit` line of an experiment file, and a sentence on why; both empty where nothing can be tried."""
     measured = measure(experiment_of(text, path))
     points, moving = measured.points(hold_out=False), measured.moving(hold_out=False)
     if moving:
         refuse_opposing_runs(measured.experiment, moving)
-    proposals = [set_up.trial_of_points(measured.experiment, points).proposed() if points else None]
+    proposals = [_of_points(measured) if points else None]
     proposals += [set_up.trial_of_motion(measured.experiment, moving).proposed() if moving else None]
     known = [proposal for proposal in proposals if proposal is not None]
     if points and not any("gravity" in x.set_up.regressors for x in known):
