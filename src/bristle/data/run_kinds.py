@@ -163,5 +163,6 @@ def _is_spring(record: Record, loaded: NDArray[np.bool_]) -> bool:
     with_q, with_side = (float(x @ T) / max(float(np.linalg.norm(x)), 1e-300) for x in (q, side))
     size = np.abs(record.torque[loaded])
     high = float(np.mean(size > levels.SLIDING * np.quantile(size, 0.99)))
-    slides = with_side > with_q and high > levels.SLIDING_TIME
-    return with_q > levels.SPRING * float(np.linalg.norm(T)) and not slides
+    whole = float(np.linalg.norm(T))
+    slides = with_side > min(with_q, levels.SIDED * whole) and high > levels.SLIDING_TIME
+    return with_q > levels.SPRING * whole and not slides

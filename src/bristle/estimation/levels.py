@@ -162,7 +162,7 @@ NEARLY_ALL, NOISE_ADDS = 0.99, 1.1  # share of readings below a saturation, and 
 
 # Slow loading
 LOADED, SHORTEST_LOADING = 0.2, 0.5  # of a presliding run's time; s: a shorter rise of torque begins a motion
-SPRING = 0.3  # correlation of torque and position of a joint that rests on its bristles
+SPRING, SIDED = 0.3, 0.5  # correlation of torque with position of a joint on its bristles, with direction of one that slides
 SLIDING, SLIDING_TIME = 0.8, 1 / 3  # of the largest torque: for longer, or within the next, a joint slides
 SLIDING_TRAVEL = 0.2  # of the way: LuGre loaded up to 0.999 g0 takes 0.23
 GOES_ON, HELD_MORE = 2.0, 1.02  # of the way before: less may be creep; of an onset's torque: held elsewhere, it is none
