@@ -112,6 +112,10 @@ def test_clipped_samples_are_left_out(tmp_path: Path) -> None:
         joint = bristle.identify(log(tmp_path, torque, limit=share * float(np.abs(torque).max()))).joint()
         assert "clipped-left-out" in codes(joint.warnings), share
         near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+    # a limit that noise was added to, of half the samples
+    joint = bristle.identify(log(tmp_path, np.clip(torque, -0.9, 0.9))).joint()
+    assert "clipped-left-out" in codes(joint.warnings)
+    near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
     # so are those in a dead zone, below a third of the friction
     joint = bristle.identify(log(tmp_path, np.where(np.abs(torque) < 0.3, 0.0, torque), noise=0.0)).joint()
     assert "dead-zone-left-out" in codes(joint.warnings)

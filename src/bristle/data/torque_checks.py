@@ -1,6 +1,7 @@
 """Checks of the torque of a run by itself: limits, a dead zone, a load at the start, rounding."""
 
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,6 +68,58 @@ def _limits(record: Record, kind: RunKind) -> list[float]:
     if (piled[1:-1] & (values[1:-1] != 0)).any():  # a command, which holds other values too
         return []
     return [float(values[k]) for k in at]
+
+
+def with_noisy_limits(record: Record, kind: RunKind) -> Record:
+    """The record with what is known of a limit of the torque to which noise was added: torques that pile up, and stay whatever the motion does.
+
+    In a motion they are left out, unless they are most of it.
+    """
+    at = _at_noisy_limits(record)
+    if at is None:
+        return record
+    share = float(at.mean())
+    left_out = kind == "tracking" and share < levels.MOSTLY_CLIPPED
+    message = (
+        f"The torque of {record.file}{OTHER_FILES} is clipped before noise is added: {100 * share:.1f} % of its samples are at a limit, however "
+        f"fast it moves. The true torque there is unknown{'; they are left out' * left_out}; move slower or more gently, or widen the range of "
+        "the drive or the sensor."
+    )
+    numbers = {"files": (record.file,), "share": share}
+    if left_out:
+        told = Finding("clipped-left-out", CAUTION, message, numbers)
+        return replace(record, filled=at | at_limits(record), warnings=(*record.warnings, told))
+    told = Finding("clipped", CRITICAL, message, numbers, {"torque": np.inf})
+    return replace(record, warnings=(*record.warnings, told))
+
+
+def _at_noisy_limits(record: Record) -> NDArray[np.bool_] | None:
+    """Samples at such a limit in either direction, or at the same in both, (n,), or None."""
+    from scipy.ndimage import binary_erosion
+
+    torque, velocity = record.torque, record.velocity
+    if torque is None or velocity is None or record.voltage is not None or torque.size < _PARTS:
+        return None
+    noise = 1.4826 * float(np.median(np.abs(np.diff(torque, 2)))) / 6**0.5
+    reach, walls, stay = levels.NOISE * noise, list[float](), list[bool]()
+    columns = [np.ones(torque.size), velocity, *([] if record.acceleration is None else [record.acceleration])]
+    for x in (torque, -torque) if noise else ():
+        walls.append(float(np.median(x[x > x.max() - 2 * reach])))
+        at, below = (np.abs(x - walls[-1] + k * reach) < reach for k in (0, 2))
+        piled = np.count_nonzero(at) > max(levels.PILED * np.count_nonzero(below), levels.CLIPPED * x.size, levels.FEW)
+        within, stays = binary_erosion(at, iterations=levels.PILED_BESIDE), levels.STAYS * walls[-1]
+        speed = np.abs(velocity[within])
+        speed = speed[speed > levels.STILL * np.abs(velocity).max()]
+        told = speed.size > 0 and levels.SURE * noise < stays * np.sqrt(speed.size)
+        slow, fast = np.quantile(speed, (0.05, 0.95)) if told else (1.0, 1.0)
+        X, y = np.column_stack(columns)[within], x[within]
+        moved = float(np.std(X @ np.linalg.lstsq(X, y, rcond=None)[0])) if told else np.inf
+        stay.append(bool(piled and fast > levels.MUCH_WORSE * slow and moved < min(stays, levels.STAYS_NOISE * noise)))
+    if not any(stay):
+        return None
+    alike = abs(walls[0] - walls[1]) < reach
+    beyond = [x > wall - reach for x, wall, own in zip((torque, -torque), walls, stay, strict=True) if own or alike]
+    return np.asarray(np.any(beyond, axis=0))
 
 
 def _clipped(record: Record, kind: RunKind) -> Finding | None:

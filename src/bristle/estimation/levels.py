@@ -58,14 +58,12 @@ LARGEST_COUNT, ON_GRID = 0.5, 0.1  # rad or m: no encoder has a count so large; 
 MULTIPLES, ROUND_COUNT = 3, 1e-3  # multiples of a count that a constant speed makes; nearness to 1, 2 or 5 times 10**n
 PILED, PILED_BESIDE = 4.0, 3  # clipped: the extreme is taken 4 times as often as any of the 3 levels next to it
 CLIPPED, MOSTLY_CLIPPED = 0.005, 0.9  # of the samples at a limit: less is chance; with more, too little is left to fit
+STAYS, STAYS_NOISE = 3e-3, 0.2  # of a limit, of its noise: friction changes by more while the speed doubles
 FEW_CLIPPED, SHORT_LOG = 3, 200  # samples at a limit that are no chance: among points, and in a log of at most so many
 NEXT_LEVEL, DISTINCT = 0.05, 0.9  # of a torque's range: a limit and the next value; of points: torques of their own
 UNSIGNED, UNSIGNED_TURNS = 200, 4  # samples, and turns, that show that a torque has no sign
 UNSIGNED_WAY, UNSIGNED_SLOW = 0.1, 0.1  # of the way, at least, in each direction; of the fastest speed at a turn
-UNSIGNED_LOW = (
-    0.2,
-    0.2,
-)  # share of turns; of the median torque of both strokes beside: there a torque without a sign is near zero
+UNSIGNED_LOW = 0.2, 0.2  # share of turns; of the median torque of both strokes beside them: next to zero
 DEAD_ZONE, DEAD_SAMPLES, DEAD_REST = 5e-4, 4, 0.001  # share at zero; samples, and turns; of the mean speed: rest
 STARTS_LOADED, COARSE = 0.02, 64  # of the largest torque: a load at the start of slow loading; steps of a coarse torque
 UNRELATED, FACTOR_KNOWN = 0.7, 2.0  # correlation of velocity and position, unless one is noise; ratio of its limits
@@ -162,7 +160,7 @@ NEARLY_ALL, NOISE_ADDS = 0.99, 1.1  # share of readings below a saturation, and 
 
 # Slow loading
 LOADED, SHORTEST_LOADING = 0.2, 0.5  # of a presliding run's time; s: a shorter rise of torque begins a motion
-SPRING, SIDED = 0.3, 0.5  # correlation of torque with position of a joint on its bristles, with direction of one that slides
+SPRING, SIDED = 0.3, 0.5  # correlation of torque with position: on bristles; with direction: a joint slides
 SLIDING, SLIDING_TIME = 0.8, 1 / 3  # of the largest torque: for longer, or within the next, a joint slides
 SLIDING_TRAVEL = 0.2  # of the way: LuGre loaded up to 0.999 g0 takes 0.23
 GOES_ON, HELD_MORE = 2.0, 1.02  # of the way before: less may be creep; of an onset's torque: held elsewhere, it is none

@@ -188,7 +188,8 @@ class SignalDecisions:
             """The same for this compliance, over the one asked for, and this share of the inertia behind what twists."""
             return without_twist(as_logged, compliance * asked, inertia, 1 - behind)
 
-        best = self._least(twisted, [1.0, max(1 - ahead, _BEHIND)], [np.inf, _ALL_BEHIND])
+        most = 1.0 if ahead >= 0 else _ALL_BEHIND
+        best = self._least(twisted, [1.0, max(1 - ahead, _BEHIND)], [np.inf, most])
         if best is not None and self.take(twisted(*best.x.tolist()), levels.LOWER, afresh=True):
             J = np.asarray(best.jac)
             spread = np.linalg.pinv(J.T @ J)[0, 0] * np.mean(best.fun**2) * inflation(best.fun)
