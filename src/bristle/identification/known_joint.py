@@ -97,6 +97,8 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
     moving = [row for source in reversed(moving_fits(joint)) for row in moving_estimates(joint, source)]
     shown = {(row.parameter.name, row.parameter.direction) for row in moving if row.estimate.value is not None}
     curves = {d for name, d in shown if name == "alpha_0"}
+    if shown_alone(joint):  # even where it shows sums of parameters alone
+        curves |= {row.parameter.direction for row in moving if row.parameter.name == "alpha_0"}
     staged = list(stage_estimates(joint))
     static = {row.parameter.direction for row in staged if row.parameter.name == "alpha_0"}
     # names fitted to the motion, and to points
@@ -127,6 +129,11 @@ def chosen(joint: Joint) -> tuple[Known, ...]:
         return ways.index(row.parameter.direction), order.get(row.parameter.name, len(order))
 
     return tuple(sorted(best.values(), key=place))
+
+
+def shown_alone(joint: Joint) -> bool:
+    """Whether the moving runs superseded every static fit of them."""
+    return bool(joint.static) and all(fit.is_superseded for fit in joint.static.values())
 
 
 def _within(direction: Direction, known: Collection[Direction]) -> bool:
@@ -271,6 +278,10 @@ def as_identified(joint: Joint) -> KnownJoint:
     rows, fit = chosen(joint), joint.moving
     shown = fit.parameters if fit is not None else {}
     fixed = fit.fixed if fit is not None else {}
+    if fit is not None and shown_alone(joint):
+        fixed = {n: x for n, x in fit.known.items() if n in shown and of_curve(n.name) and shown[n].value is None} | {
+            **fixed
+        }
     static = {row.parameter for row in rows if row.source is Source.STATIC}
     return KnownJoint(
         name=joint.name, law=joint.law, estimates={row.parameter: row.estimate for row in rows},

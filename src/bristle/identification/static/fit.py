@@ -338,7 +338,13 @@ def fit_moving(experiment: Experiment, records: Sequence[Record], held: Sequence
 
 def reconcile_static(static: Mapping[str, StaticFit], moving: TrackingFit | None) -> dict[str, StaticFit]:
     """The static fits of moving runs, superseded where LuGre fits the same runs: presliding biases a static law."""
-    if moving is None or all(e.value is None for name, e in moving.parameters.items() if name.name == "alpha_0"):
+    if moving is None:
+        return dict(static)
+    own = [e for name, e in moving.parameters.items() if name.name == "alpha_0"]
+    failed = any(why.code in ("unseen-unconverged", "unseen-too-few") for e in own for why in e.warnings)
+    worse = [x.relative_error or 0.0 for x in static.values()]
+    poor = not worse or moving.relative_error * levels.MUCH_WORSE > min(worse)
+    if failed or (poor and all(e.value is None for e in own)):
         return dict(static)
     found = dict(static)
     for d, fit in static.items():

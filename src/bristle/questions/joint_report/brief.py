@@ -17,7 +17,17 @@ from bristle.identification.shared_findings import NOT_IDENTIFIABLE
 from bristle.identification.verdict import other_warnings, value_warnings, verdict
 from bristle.model.laws.gaussian import GAUSSIAN
 from bristle.model.laws.parts import FASTEST
-from bristle.model.parameters import SIGNED, Direction, Lugre, ParameterName, of_curve, of_friction, unit
+from bristle.model.parameters import (
+    SIGNED,
+    Direction,
+    Lugre,
+    ParameterName,
+    Stribeck,
+    in_direction,
+    of_curve,
+    of_friction,
+    unit,
+)
 from bristle.page.plain import columns, in_unit, interval, pair, wrapped
 from bristle.page.said import with_places
 from bristle.page.wording import FITS, counted, number, printable, shortened
@@ -88,12 +98,14 @@ def friction_line(joint: Joint) -> Iterator[tuple[str, str]]:
                 f"{number(T, 3)} {torque} {f'{interval((T - half, T + half))} ' * isfinite(half)}at {number(at, 3)} {speed}"
                 for T, half, at in curve.tolist()
             )
-            # A peak that is not claimed is still part of the fitted curve.
+            # What is not claimed is still part of the fitted curve.
             side = Direction(d or "+")
             told_of = {row.parameter.name for row in claimed if row.parameter.direction in (side, Direction.BOTH)}
-            peak = {x: model.values(side).get(x, 0.0) for x in ("alpha_1", "v_s") if x not in told_of}
-            shape = ", ".join(f"{x} {number(value, 3)} {unit(x, joint.kind)}" for x, value in peak.items() if value)
-            unclaimed = f", with the fit's {shape}, which are not identifiable one by one" * ("alpha_1" in shape)
+            peak = model.values(side).get("alpha_1")
+            asked = (x for x in Stribeck._fields if x not in told_of and (peak or x != "v_s"))
+            held = {x: value for x in asked if (value := in_direction(model.held, x, side))}
+            shape = ", ".join(f"{x} {number(value, 3)} {unit(x, joint.kind)}" for x, value in held.items())
+            unclaimed = f", with the fit's {shape}, which are not identifiable one by one" * (len(held) > 1)
             told.append(f"{' and '.join(dict.fromkeys(ends))}{f' ({d})' * bool(d)}{unclaimed}")
     law = f"{' + '.join(text for name, text in terms.items() if name in given)} = " * (joint.law_name == GAUSSIAN.name)
     yield "friction", f"{law}{'; '.join(told)}"
