@@ -116,6 +116,17 @@ def test_a_stage_with_two_frictions_has_no_gravity(tmp_path: Path) -> None:
         assert low < truth.alpha_0 < high < 1.05 * low
 
 
+def test_gravity_of_points_pays_beside_two_frictions(tmp_path: Path) -> None:
+    """Directions that differ by a twelfth are no gravity, which one friction for both would ask for."""
+    t, v = held(np.geomspace(0.0015, 0.15, 9))
+    sides = Lugre(160.0, 60.0, 700.0, 0.005, 1.0, 0.0), Lugre(147.0, 64.0, 640.0, 0.005, 1.0, 0.0)
+    T = np.where(v > 0, curve(v, sides[0]), curve(v, sides[1])) + white(v.size, 1.5)
+    log = logged(tmp_path / "held.csv", ("t_s", "q_rad", "tau_Nm"), t, np.cumsum(v) / RATE, T)
+    path, text, _ = drafts(log, told=Told())
+    assert "gravity" not in text
+    assert verdict(bristle.identify(path).joint()).trust is Trust.USE
+
+
 def test_logs_of_two_kinds_are_drafted_together(tmp_path: Path) -> None:
     """Each log gets its own kind and the reason; velocity-torque pairs need neither time nor position."""
     t, v = held(np.geomspace(0.05, 1, 6))
