@@ -229,7 +229,8 @@ def _flexible(found: Score, which: int) -> Finding | None:
     """A drive that twists by compliance times the torque behind the inertia before it.
 
     Friction before it, a share f of all, is as a compliance of (1 - f)**2 as much, and (b - f) / (1 - f) for a share b of
-    the inertia, while both sides turn together; where they do not, friction looks ahead.
+    the inertia, while both sides turn together; where they do not, it looks ahead by friction alone, which a torque that is
+    filtered does not.
     """
     compliance, error = float(found.sizes[0]), float(found.errors[0])
     where, sides = ("behind", "") if compliance > 0 else ("ahead of", ", with friction on both sides,")
@@ -239,7 +240,8 @@ def _flexible(found: Score, which: int) -> Finding | None:
         "Bristle and peak take part of it up; log the position where it rubs."
     )
     numbers = {"compliance": compliance, "error": error, "share": found.share, "before": _BEFORE[which]}
-    return Finding("flexible-drive", CAUTION, message, numbers) if compliance else None
+    told = compliance > 0 or (compliance < 0 and _BEFORE[which] == max(_BEFORE))
+    return Finding("flexible-drive", CAUTION, message, numbers) if told else None
 
 
 def _dead_zone(largest: float, found: Score, which: int) -> Finding | None:
