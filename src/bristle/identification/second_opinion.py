@@ -88,7 +88,7 @@ def _equations(record: Record, number: int) -> list[tuple[Array, ...]]:
     from scipy.signal import butter, sosfiltfilt
 
     found, step = list[tuple[Array, ...]](), record.step
-    if record.position is None or record.torque is None:
+    if record.position is None or record.integrated or record.torque is None:
         return found
     for start, stop in pairwise([*record.starts, record.time.size]):
         q, torque = record.position[start:stop], record.torque[start:stop]
