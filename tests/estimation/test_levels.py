@@ -6,6 +6,7 @@ import pytest
 
 import bristle
 from bristle import changed_levels, read_results
+from bristle.data.experiment.signals import Cleaning
 from bristle.errors import InputError
 from bristle.estimation import levels
 from bristle.workers import called, sharing
@@ -19,6 +20,9 @@ def test_a_changed_level_is_read_everywhere_and_told(tmp_path: Path) -> None:
     with changed_levels(**other), sharing(2, begin=partial(levels.put, levels.changed())) as share:
         assert list(share(called, [levels.changed])) == [other]
     assert vars(levels) == every
+    with changed_levels(GAP=50.0):  # a default of the experiment file
+        assert Cleaning().gap == 50.0
+    assert Cleaning().gap == levels.GAP
 
     path, results = write(tmp_path, speeds()), tmp_path / "results.json"
     ran = run("--level", "BIC_GAIN=6", "identify", path, "-o", results)

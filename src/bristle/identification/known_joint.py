@@ -279,9 +279,8 @@ def as_identified(joint: Joint) -> KnownJoint:
     shown = fit.parameters if fit is not None else {}
     fixed = fit.fixed if fit is not None else {}
     if fit is not None and shown_alone(joint):
-        fixed = {n: x for n, x in fit.known.items() if n in shown and of_curve(n.name) and shown[n].value is None} | {
-            **fixed
-        }
+        sums = {n: x for n, x in fit.known.items() if n in shown and of_curve(n.name) and shown[n].value is None}
+        fixed = {**sums, **fixed}
     static = {row.parameter for row in rows if row.source is Source.STATIC}
     return KnownJoint(
         name=joint.name, law=joint.law, estimates={row.parameter: row.estimate for row in rows},

@@ -111,7 +111,7 @@ class Joint:
     consistency: tuple[Consistency, ...] = ()
     accuracy: Accuracy | None = None
     """None where friction vs velocity is unknown."""
-    need: float = levels.NEED
+    need: float = field(default_factory=lambda: levels.NEED)
     """Accuracy of friction, percent, that the verdict requires."""
     models: tuple[Comparison, ...] = ()
     """Friction models compared, on points and on moving runs."""

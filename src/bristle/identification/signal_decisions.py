@@ -40,10 +40,8 @@ _SHIFTS = 6  # most corrections of a delay, each of first order
 _OFF_LINE = 1.5  # equations per period of a vibration: their filter takes it off
 _SLOWER = 1.25  # times as many samples an equation, at the least, against one
 _OVERTONE = 0.1  # of the frequency of a sine: nearer to a multiple of it is the shape of its friction
-_BEHIND, _ALL_BEHIND = (
-    0.1,
-    3.0,
-)  # of the inertia: a search begins, and ends; beyond 1 friction is before what twists, too
+_BEHIND = 0.1  # of the inertia: a search begins with as much behind what twists, at the least
+_ALL_BEHIND = 3.0  # of the inertia: a search ends there; beyond 1 friction is before what twists, too
 _LONGEST = 4.0  # times the delay that fits best: the longest time constant
 
 

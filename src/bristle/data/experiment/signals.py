@@ -325,7 +325,7 @@ class Cleaning(StrictModel):
 
     non_finite: Literal["drop", "refuse"] = "drop"  # rows with inf, nan or nothing in a signal
     backward: Literal["drop", "refuse"] = "refuse"  # rows with a time stamp before one that was seen
-    gap: Annotated[float, Field(gt=1)] = levels.GAP
+    gap: Annotated[float, Field(gt=1)] = Field(default_factory=lambda: levels.GAP)
     """Gap: an interval longer than this many median ones; nothing is filtered across it."""
     times: Literal["auto", "as-written"] = "auto"
     """Whether uneven samples are brought onto even times, or left."""
