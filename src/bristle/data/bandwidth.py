@@ -175,9 +175,9 @@ def _inertia(record: Record, effort: Array, cutoff: float) -> tuple[float, float
     v, a = np.asarray(moved.velocity), np.asarray(moved.acceleration)
     q = np.zeros(v.size) if moved.position is None else moved.position
     every = max(int(0.4 / (cutoff * record.step)), 1)
-    signals = (a, np.sign(v), v, np.sin(q), np.cos(q), np.ones(q.size), effort)
-    *columns, y = (smoothed(record, x, cutoff)[::every] for x in signals)
-    X = np.column_stack(columns)
+    signals = np.column_stack([a, np.sign(v), v, np.sin(q), np.cos(q), np.ones(q.size), effort])
+    below = smoothed(record, signals, cutoff)[::every]
+    X, y = below[:, :-1], below[:, -1]
     theta = np.linalg.lstsq(X, y, rcond=None)[0]
     variance = np.linalg.pinv(X.T @ X)[0, 0] * float(np.var(y - X @ theta))
     return float(abs(theta[0])), float(np.sqrt(variance))

@@ -90,7 +90,7 @@ def _sections(cutoff: float, rate: float) -> Array:
 
 
 def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = False) -> Array:
-    """A signal of the record, shape (n,), through the zero-phase low pass with `cutoff`, Hz, below Nyquist.
+    """A signal of the record, shape (n,), or several, (n, k), through the zero-phase low pass with `cutoff`, Hz, below Nyquist.
 
     Never across a gap. Beyond its ends the signal is continued by point reflection: about its first and last sample or,
     where it is `noisy`, about the end of a line through half a period of the cut-off. Raises InputError where the
@@ -108,12 +108,12 @@ def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = Fals
     reach = max(15, round(1 / (record.step * cutoff)))
 
     def one(x: Array) -> Array:
-        pad = min(reach, x.size - 1)
+        pad = min(reach, len(x) - 1)
         if noisy and pad > 1:
             first, last = (_end(part) for part in (x[pad // 2 :: -1], x[-pad // 2 - 1 :]))
             x = np.concatenate([2 * first - x[pad:0:-1], x, 2 * last - x[-2 : -pad - 2 : -1]])
         # scipy-stubs cannot tell which of the layouts `butter` returns
-        smooth = np.asarray(sosfiltfilt(sections, x, padlen=pad), dtype=float)
+        smooth = np.asarray(sosfiltfilt(sections, x, axis=0, padlen=pad), dtype=float)
         return smooth[pad : x.size - pad] if noisy and pad > 1 else smooth
 
     return np.concatenate([one(values[s]) for s in between_gaps(record)])

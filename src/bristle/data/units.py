@@ -29,7 +29,7 @@ _PER_MINUTE = ("1/min", "/min", "min^-1", "min-1", "min⁻¹", "1/minute")
 EXACT = {  # what pint says of the most common units, known without the half second that it takes to load
     ("deg", "rad"): pi / 180, ("rev", "rad"): 2 * pi, ("mrad", "rad"): 1e-3, ("mm", "m"): 1e-3, ("cm", "m"): 1e-2,
     ("deg/s", "rad/s"): pi / 180, ("rpm", "rad/s"): pi / 30, ("rev/s", "rad/s"): 2 * pi, ("mrad/s", "rad/s"): 1e-3,
-    ("mm/s", "m/s"): 1e-3, ("cm/s", "m/s"): 1e-2, ("ms", "s"): 1e-3, ("mA", "A"): 1e-3, ("Nm", "N*m"): 1.0,
+    ("mm/s", "m/s"): 1e-3, ("cm/s", "m/s"): 1e-2, ("ms", "s"): 1e-3, ("mA", "A"): 1e-3, ("Nm", "N*m"): 1.0, ("kHz", "Hz"): 1e3,
 }  # fmt: skip  # a table of numbers
 _COUNTS = re.compile(r"counts?\b")
 _PER_TURN = re.compile(rf"({_NUMBER}) ?counts? ?/ ?(.+)")
@@ -154,6 +154,15 @@ def factor(unit: str, target: str, *, scale: str | float = 1.0, resolution: floa
         expected = f"between {1 / LARGEST:g} and {LARGEST:g}"
         raise InputError(f"unit {short(unit)}{by_scale} is {times_si:g} {target}; expected {expected}")
     return times_si
+
+
+def fits(unit: str, target: str) -> bool:
+    """Whether a quantity in a unit may be one in `target`, an SI unit; pint says it where the unit is not a common one."""
+    common = {of for name, of in EXACT if name == unit} | ({unit} & {*_OF_SIGNALS})
+    if not common:
+        with suppress(InputError):
+            return bool(factor(unit, target))
+    return target in common
 
 
 def _root(unit: "pint.Unit") -> tuple[float, object]:

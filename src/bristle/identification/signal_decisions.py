@@ -75,7 +75,7 @@ class SignalDecisions:
 
     def take(self, measured: Measured, most: float = np.inf, *, afresh: bool = False) -> bool:
         """Fit again, `afresh` with all starts; keep it if moving residuals are at most `most` times as large. Whether it was kept."""
-        if most < np.inf and not afresh and self._left_on(measured) > most:
+        if most < np.inf and not afresh and self._beside()(measured) > most:
             return False
         again, before = self.fitted(measured, None if afresh else self.joint.tracking), self.joint.moving
         if most < np.inf and (before is None or again.moving is None or again.moving.rms > most * before.rms):
@@ -83,19 +83,29 @@ class SignalDecisions:
         self.measured, self.joint = measured, again
         return True
 
-    def _left_on(self, measured: Measured) -> float:
-        """RMS of the residuals of other records over those in force, moving runs descended from their last minimum; inf without any."""
+    def _left(self, measured: Measured) -> Refitted | None:
+        """What these records leave over means of samples, nearly as far as they descend from the last minimum; None without one."""
         if (alone := self.joint.tracking) is None:
-            return float("inf")
-        left = refitted(measured, alone, directions(measured.experiment, measured.moving(hold_out=False))).residuals
-        return float(np.sqrt(np.mean(left**2))) / alone.rms
+            return None
+        sides = directions(measured.experiment, measured.moving(hold_out=False))
+        return refitted(measured, alone, sides, levels.BIC_GAIN / 20, rough=True)
+
+    def _beside(self) -> Callable[[Measured], float]:
+        """RMS of what other records leave over that of those in force, as a function of the others; inf without a fit of moving runs."""
+        now = self._left(self.measured)
+
+        def ratio(others: Measured) -> float:
+            left = self._left(others)
+            if now is None or left is None:
+                return float("inf")
+            return float(np.sqrt(np.mean(left.residuals**2) / np.mean(now.residuals**2)))
+
+        return ratio
 
     def _left_by_file(self, measured: Measured) -> dict[str, float]:
-        """RMS of the residuals of each file of other records, or of those in force, nearly as far as they descend."""
-        if (alone := self.joint.tracking) is None:
+        """RMS of what each file of other records leaves, or of those in force."""
+        if (found := self._left(measured)) is None:
             return {}
-        sides = directions(measured.experiment, measured.moving(hold_out=False))
-        found = refitted(measured, alone, sides, levels.BIC_GAIN / 20, rough=True)
         files, run = np.unique(found.file, return_inverse=True)
         rms = np.sqrt(np.bincount(run, found.residuals**2) / np.bincount(run))
         return dict(zip(files.tolist(), rms.tolist(), strict=True))
@@ -162,10 +172,10 @@ class SignalDecisions:
         """Take a wider low pass where it leaves clearly less of the torque: the narrower one filtered out part of the motion."""
         if self.measured.experiment.fit.position_cutoff is not None or self.joint.tracking is None:
             return
-        found, most = None, self._clearly_lower()
+        found, most, left_on = None, self._clearly_lower(), self._beside()
         for factor in _WIDER:
             wide = with_wider_low_pass(self.measured, factor)
-            if self._left_on(wide) <= most:
+            if left_on(wide) <= most:
                 found, most = wide, 1.0  # then as wide as leaves no more than the narrow one
             elif found is not None:
                 break

@@ -3,13 +3,11 @@
 import re
 from collections import Counter
 from collections.abc import Sequence
-from contextlib import suppress
 from functools import cache
 from typing import NamedTuple
 
 from bristle.data.experiment.signals import COMMANDS
-from bristle.data.units import factor
-from bristle.errors import InputError
+from bristle.data.units import fits
 from bristle.model.parameters import unit as unit_of
 
 _NAMES = {
@@ -112,10 +110,7 @@ class _Reading(NamedTuple):
 @cache
 def _fits(unit: str, signal: str) -> bool:
     """Whether a unit fits a signal of a joint that turns or slides."""
-    for kind in ("revolute", "prismatic"):
-        with suppress(InputError):
-            return bool(factor(unit, unit_of(COMMANDS.get(signal, signal), kind)))
-    return False
+    return any(fits(unit, unit_of(COMMANDS.get(signal, signal), kind)) for kind in ("revolute", "prismatic"))
 
 
 def _readings(name: str, stated: str) -> list[_Reading]:

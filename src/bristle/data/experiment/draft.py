@@ -21,7 +21,7 @@ from bristle.data.ros.names import time_column
 from bristle.data.ros.read import bag_columns, joint_states, read_bag
 from bristle.data.text_layout import is_stamp, text_layout
 from bristle.data.text_table import is_text, naming, read_table
-from bristle.data.units import factor, to_si
+from bristle.data.units import factor, fits, to_si
 from bristle.errors import InputError, check_name, short, short_list
 from bristle.estimation import levels
 from bristle.model.parameters import Kind
@@ -141,8 +141,7 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     slides = "torque" in guesses and "force" in guesses["torque"].column.lower()
     for name in ("position", "velocity", "torque"):
         unit = name in guesses and (told.units.get(name) or guesses[name].unit)
-        with suppress(InputError):
-            slides = slides or bool(unit and factor(unit, unit_of(name, "prismatic")))
+        slides = slides or bool(unit and fits(unit, unit_of(name, "prismatic")))
     kind: Kind = "prismatic" if slides else "revolute"
     guessed = [f"joint.kind: {kind}, by the units", *_assumed(log, guesses, told, drive, kind)]
     guesses, counted = _counted(log, guesses, told, beside) if kind == "revolute" else (guesses, ())
