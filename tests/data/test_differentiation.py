@@ -77,6 +77,8 @@ def test_the_filter_and_the_bandwidth_of_a_run() -> None:
     t = np.asarray(np.arange(4000) * 1e-3, dtype=float)
     sine = np.asarray(np.sin(2 * np.pi * 20 * t), dtype=float)
     inside = slice(500, -500)
+    both = smoothed(_record(t, sine), np.column_stack([sine, t]), 20.0).T  # each by itself
+    assert all(np.array_equal(x, smoothed(_record(t, sine), y, 20.0)) for x, y in zip(both, (sine, t), strict=True))
     np.testing.assert_allclose(smoothed(_record(t, sine), sine, 20.0)[inside], sine[inside] / 2, atol=2e-3)
     # the ends of a ramp come back with hardly any of the noise of the end samples; a ramp without noise comes back as it is, either way
     time, rng = np.arange(2000) / 500, np.random.default_rng(5)

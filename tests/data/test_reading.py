@@ -23,7 +23,7 @@ from bristle.data.binary_tables import is_json_log, names_of
 from bristle.data.columns import Key
 from bristle.data.mat import columns_of
 from bristle.data.text_table import read_table
-from bristle.data.units import EXACT, factor, plus_minus, to_si
+from bristle.data.units import EXACT, factor, fits, plus_minus, to_si
 from bristle.errors import InputError
 
 from .experiments import assert_refused, refusal
@@ -165,6 +165,9 @@ def test_units_of_logs() -> None:
     """Counts, counts per turn, scales, values with their standard error; and what is known by heart is what pint says."""
     off = {pair: x for pair, x in EXACT.items() if factor(f"{pair[0]} ", pair[1]) != pytest.approx(x, rel=1e-15)}
     assert off == {}
+    # whether a unit is one of a quantity's, too
+    every = {unit for pair in EXACT for unit in pair}
+    assert [(unit, si) for unit in every for si in _SI.values() if fits(unit, si) != fits(f"{unit} ", si)] == []
     assert factor("counts/s", "rad/s", resolution=1e-3) == pytest.approx(1e-3)
     assert to_si("4096 counts/rev", "rad") == pytest.approx(2 * np.pi / 4096)
     assert factor("A", "N*m", scale="-7.6 N*m/A") == pytest.approx(-7.6)

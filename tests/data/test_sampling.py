@@ -141,9 +141,9 @@ def test_an_encoder_still_counts() -> None:
         there = np.interp(found.time, record.time, present(record.position))
         assert np.abs(present(found.position) - there).max() < 0.5 * np.abs(np.diff(present(record.position))).max()
         known = np.isin(np.rint(found.time / record.step), np.rint(log.time / record.step))
-        assert not (present(found.filled) & known).any()
-        assert present(found.filled).sum() == pytest.approx(v.size - log.time.size, rel=0.2)
-        assert at_limits(found)[present(found.filled)].all()
+        assert not (present(found.unknown) & known).any()
+        assert present(found.unknown).sum() == pytest.approx(v.size - log.time.size, rel=0.2)
+        assert at_limits(found)[present(found.unknown)].all()
     # a position that goes anywhere meanwhile, a gap that is to stay, and one that is too long, keep their segments
     record, v = moving(0, "sines", logged=False)
     walk = replace(record, position=np.cumsum(np.random.default_rng(0).standard_normal(v.size)))
@@ -168,7 +168,7 @@ def test_any_stamps_that_rise(intervals: list[float], cuts: int) -> None:
     found = evenly_sampled(record)
     assert len(found.starts) <= len(starts)
     assert found is record or even(found)
-    assert found.filled is None or found.filled.size == found.time.size
+    assert found.unknown is None or found.unknown.size == found.time.size
     assert found.time[-1] <= time[-1] + 1e-9 or found.notes[-1].code == "stamps-jitter"
     assert present(found.torque).min() >= present(record.torque).min() - np.ptp(present(record.torque))
     assert present(found.torque).max() <= present(record.torque).max() + np.ptp(present(record.torque))

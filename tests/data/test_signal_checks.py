@@ -17,7 +17,7 @@ from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import Context, Position, Signals
 from bristle.data.record import OTHER_FILES, OTHER_PLACES, Record
 from bristle.data.signal_checks import check_signals, merged, travel_ratio
-from bristle.data.torque_checks import at_limits, check_torque, with_noisy_limits
+from bristle.data.torque_checks import at_limits, check_torque, with_unknown
 from bristle.findings import CAUTION, CRITICAL, Finding, Severity
 from bristle.model.functions import steady_torque_function
 from bristle.model.parameters import Lugre
@@ -367,7 +367,7 @@ def test_clean_torques_and_motions_are_left_alone() -> None:
         assert kinds(cycles(seed, rest=seed % 3), "presliding") == []
         assert kinds(table(seed), "points") == []
         assert kinds(moving(seed)[0], "tracking") == []
-        assert with_noisy_limits(record := moving(seed)[0], "tracking") is record
+        assert with_unknown(record := moving(seed)[0], "tracking") is record
     # the size of a torque, or that of its opposite, of a joint that goes both ways is critical. The torque itself is not, nor one that a
     # load keeps up, nor the size of that of a joint that goes one way
     for seed in range(20):

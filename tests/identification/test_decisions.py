@@ -10,9 +10,9 @@ from bristle.arrays import Array
 from bristle.data.differentiation import smoothed, without_noise_at_rest
 from bristle.data.record import Record
 from bristle.findings import NOTE, Finding
+from bristle.identification.changed_signals import with_decimation, without_delay
 from bristle.identification.curve import LEAST, known_curve, slowest_shown
 from bristle.identification.fits import Estimate, TrackingFit
-from bristle.identification.measured import with_decimation
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
 from bristle.model.parameters import Direction, Lugre, ParameterName
@@ -201,6 +201,11 @@ def test_a_vibration_that_no_signal_has_is_filtered_out(tmp_path: Path) -> None:
     (before,), (after,) = (m.moving(hold_out=False) for m in (measured, present(with_decimation(measured, 20))))
     assert before.time.size - after.time.size == 600 + 700
     assert with_decimation(measured, 40) is None
+    # what is clipped is not known, and where it is moves with a delay of the torque that is taken off
+    clipped = bristle.fit_dynamic(t, q + off, np.clip(torque, -1.0, 1.0), directions="symmetric").measured
+    at, late = (clipped.moving(hold_out=False)[0].lost, without_delay(clipped, 0.0101).moving(hold_out=False)[0].lost)
+    assert np.array_equal(at, np.abs(torque) >= 1.0)
+    assert np.array_equal(late[:-6], at[5:-1] | at[6:])
 
 
 @pytest.mark.slow

@@ -90,7 +90,7 @@ def _sections(cutoff: float, rate: float) -> Array:
 
 
 def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = False) -> Array:
-    """A signal of the record, shape (n,), or several, (n, k), through the zero-phase low pass with `cutoff`, Hz, below Nyquist.
+    """A signal of the record, shape (n,), or, none of them `noisy`, several, (n, k), through the zero-phase low pass with `cutoff`, Hz.
 
     Never across a gap. Beyond its ends the signal is continued by point reflection: about its first and last sample or,
     where it is `noisy`, about the end of a line through half a period of the cut-off. Raises InputError where the
@@ -250,7 +250,7 @@ def _kept(record: Record, long: list[slice], why: Finding) -> Record:
     kept = np.concatenate([np.arange(s.start, s.stop) for s in long])
     lost = int(record.time.size - kept.size)
     note = replace(why, message=f"{lost} row{'s' * (lost != 1)} {why.message}.", numbers={"rows": lost})
-    names = ("time", *SIGNALS, "lines", "filled")
+    names = ("time", *SIGNALS, "lines", "unknown")
     return replace(
         record,
         **{name: values[kept] for name in names if (values := getattr(record, name)) is not None},

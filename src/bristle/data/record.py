@@ -50,7 +50,7 @@ class Record:
     labels: Mapping[str, str] = field(default_factory=dict)  # Run-level labels: temperature, load
     lines: NDArray[np.intp] | None = None  # line of each sample in a text file, from 1, (n,); None where not known
     fine: "Record | None" = None  # all samples of a run of which this holds means; None: all are here
-    filled: NDArray[np.bool_] | None = None  # samples that fill a gap, without a torque, (n,); None: none
+    unknown: NDArray[np.bool_] | None = None  # samples without a known torque: clipped, or in a gap, (n,); None: none
     step: float = field(init=False, default=float("nan"))  # median sampling interval, s; nan for a single sample
 
     def __post_init__(self) -> None:
@@ -74,6 +74,11 @@ class Record:
             object.__setattr__(self, name, array)
         shifts = {name: _frozen(values) for name, values in self.torque_shifts.items()}
         object.__setattr__(self, "torque_shifts", shifts)
+
+    @property
+    def lost(self) -> NDArray[np.bool_]:
+        """Whether the torque of each sample is not known, (n,)."""
+        return np.zeros(self.time.size, dtype=bool) if self.unknown is None else self.unknown
 
     def where(self, start: int, stop: int) -> str:
         """The samples start to stop - 1 in words: lines of a text file, else rows of data, from 1."""

@@ -93,7 +93,7 @@ def _bridged(record: Record, apart: Collection[int]) -> Record:
         **changed,
         time=np.insert(time, before, np.concatenate(rows)),
         starts=tuple(starts),
-        filled=np.insert(np.zeros(time.size, dtype=bool), before, np.ones(before.size, dtype=bool)),
+        unknown=np.insert(np.zeros(time.size, dtype=bool), before, np.ones(before.size, dtype=bool)),
         lines=None if record.lines is None else np.insert(record.lines, before, record.lines[before - 1]),
         notes=(*record.notes, Finding("gaps-bridged", NOTE, message, {"gaps": places.size, "samples": before.size})),
     )
@@ -158,7 +158,7 @@ def _interpolated(record: Record) -> Record:
         time=np.concatenate(parts),
         starts=tuple(np.cumsum([0, *(x.size for x in parts)])[:-1].tolist()),
         lines=None if record.lines is None else record.lines[row],
-        filled=None if record.filled is None else np.interp(np.concatenate(parts), record.time, record.filled) > 0,
+        unknown=None if record.unknown is None else np.interp(np.concatenate(parts), record.time, record.unknown) > 0,
         notes=(*record.notes, Finding("samples-uneven", NOTE, message, {"apart": apart})),
     )
 
@@ -183,7 +183,7 @@ def averaged(record: Record, count: int) -> Record:
         torque_shifts={name: x[about].mean(axis=1) for name, x in record.torque_shifts.items()},
         starts=(0, *np.searchsorted(first, record.starts[1:]).tolist()),
         lines=None if record.lines is None else record.lines[at],
-        filled=None if record.filled is None else np.asarray(record.filled[about].any(axis=1)),
+        unknown=None if record.unknown is None else np.asarray(record.unknown[about].any(axis=1)),
         fine=record,
     )
 

@@ -18,6 +18,7 @@ from bristle.data.encoder import smallest_step
 from bristle.data.record import Record
 from bristle.errors import InputError
 from bristle.estimation import levels
+from bristle.estimation.autocorrelation import white_noise
 
 
 @result
@@ -266,7 +267,7 @@ def _slides_at(
 
 def _held(smooth: Array, logged: Array) -> float:
     """The largest torque, N*m, through the low pass, which rounds tips off or overshoots, within the logged one."""
-    noise = 1.4826 * float(np.median(np.abs(np.diff(logged, 2)))) / 6**0.5
+    noise = white_noise(logged)
     most = float(logged.max())
     return min(max(float(smooth.max()), most - levels.DEVIATIONS * noise), most)
 

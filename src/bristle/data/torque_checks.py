@@ -10,7 +10,7 @@ from bristle.data.encoder import smallest_step
 from bristle.data.experiment.schema import RunKind
 from bristle.data.record import OTHER_FILES, Record
 from bristle.estimation import levels
-from bristle.estimation.autocorrelation import inflation
+from bristle.estimation.autocorrelation import inflation, white_noise
 from bristle.findings import CAUTION, CRITICAL, Finding
 
 _PARTS = 100  # parts of slow loading, of which the first tells with what it begins
@@ -27,13 +27,39 @@ def check_torque(record: Record, kind: RunKind) -> Iterator[Finding]:
     yield from filter(None, (check(record, kind) for check in checks[kind]))
 
 
+def with_unknown(record: Record, kind: RunKind) -> Record:
+    """The record with the samples whose torque is not known, of points or a motion, and a finding on a limit behind noise.
+
+    Clipped samples, those in a dead zone that takes nothing off others, those that fill a gap, and those at a limit to
+    which noise was added, unless they are most of a motion.
+    """
+    unknown = at_limits(record, kind)
+    at = _at_noisy_limits(record) if kind in ("tracking", "ramp") else None
+    if at is None:
+        return replace(record, unknown=unknown) if unknown.any() else record
+    share = float(at.mean())
+    left_out = kind == "tracking" and share < levels.MOSTLY_CLIPPED
+    message = (
+        f"The torque of {record.file}{OTHER_FILES} is clipped before noise is added: {100 * share:.1f} % of its samples are at a limit, however "
+        f"fast it moves. The true torque there is unknown{'; they are left out' * left_out}; move slower or more gently, or widen the range of "
+        "the drive or the sensor."
+    )
+    numbers = {"files": (record.file,), "share": share}
+    told = Finding("clipped", CRITICAL, message, numbers, {"torque": np.inf})
+    if left_out:
+        unknown, told = unknown | at, Finding("clipped-left-out", CAUTION, message, numbers)
+    return replace(record, unknown=unknown, warnings=(*record.warnings, told))
+
+
 def at_limits(record: Record, kind: RunKind = "tracking") -> NDArray[np.bool_]:
-    """Samples of a run that are clipped, or of a motion in a dead zone, unless most are, or fill a gap: the true torque is unknown, (n,)."""
-    unknown = np.isin(record.time if record.torque is None else record.torque, _limits(record, kind))
+    """Samples of points or a motion that are clipped, or in a dead zone, unless most are, or fill a gap, (n,)."""
+    unknown = np.zeros(record.time.size, dtype=bool)
+    if kind in ("tracking", "points") and record.torque is not None:
+        unknown = np.isin(record.torque, _limits(record, kind))
     if kind == "tracking" and (dead := _in_dead_zone(record)) is not None and dead[1]:
         unknown |= dead[0]
     unknown &= unknown.mean() < levels.MOSTLY_CLIPPED
-    return unknown if record.filled is None else unknown | record.filled
+    return unknown | record.lost
 
 
 def _limits(record: Record, kind: RunKind) -> list[float]:
@@ -70,37 +96,17 @@ def _limits(record: Record, kind: RunKind) -> list[float]:
     return [float(values[k]) for k in at]
 
 
-def with_noisy_limits(record: Record, kind: RunKind) -> Record:
-    """The record with what is known of a limit of the torque to which noise was added: torques that pile up, and stay whatever the motion does.
-
-    In a motion they are left out, unless they are most of it.
-    """
-    at = _at_noisy_limits(record)
-    if at is None:
-        return record
-    share = float(at.mean())
-    left_out = kind == "tracking" and share < levels.MOSTLY_CLIPPED
-    message = (
-        f"The torque of {record.file}{OTHER_FILES} is clipped before noise is added: {100 * share:.1f} % of its samples are at a limit, however "
-        f"fast it moves. The true torque there is unknown{'; they are left out' * left_out}; move slower or more gently, or widen the range of "
-        "the drive or the sensor."
-    )
-    numbers = {"files": (record.file,), "share": share}
-    if left_out:
-        told = Finding("clipped-left-out", CAUTION, message, numbers)
-        return replace(record, filled=at | at_limits(record), warnings=(*record.warnings, told))
-    told = Finding("clipped", CRITICAL, message, numbers, {"torque": np.inf})
-    return replace(record, warnings=(*record.warnings, told))
-
-
 def _at_noisy_limits(record: Record) -> NDArray[np.bool_] | None:
-    """Samples at such a limit in either direction, or at the same in both, (n,), or None."""
+    """Samples at a limit to which noise was added, in either direction, or at the same in both, (n,), or None.
+
+    Torques there pile up, and stay whatever the motion does.
+    """
     from scipy.ndimage import binary_erosion
 
     torque, velocity = record.torque, record.velocity
     if torque is None or velocity is None or record.voltage is not None or torque.size < _PARTS:
         return None
-    noise = 1.4826 * float(np.median(np.abs(np.diff(torque, 2)))) / 6**0.5
+    noise = white_noise(torque)
     reach, walls, stay = levels.NOISE * noise, list[float](), list[bool]()
     columns = [np.ones(torque.size), velocity, *([] if record.acceleration is None else [record.acceleration])]
     for x in (torque, -torque) if noise else ():
@@ -134,7 +140,7 @@ def _clipped(record: Record, kind: RunKind) -> Finding | None:
         if not moved[stays].sum() > stays.mean() / 2 * moved.sum():
             return None
     share = float(np.isin(record.torque, limits).mean())
-    left_out = kind != "presliding" and bool((at_limits(record, kind) & np.isin(record.torque, limits)).any())
+    left_out = bool((at_limits(record, kind) & np.isin(record.torque, limits)).any())
     values = " and ".join(f"{x:.4g}" for x in limits)
     message = (
         f"The torque of {record.file}{OTHER_FILES} is clipped: {100 * share:.1f} % of its samples are exactly {values}. The "

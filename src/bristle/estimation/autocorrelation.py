@@ -26,6 +26,11 @@ def autocorrelation(x: Array) -> Array:
     return np.asarray(covariance / covariance[0], dtype=np.float64)
 
 
+def white_noise(x: Array) -> float:
+    """Standard deviation of the white noise of a signal that is smooth from sample to sample, (n,), by its second differences."""
+    return 1.4826 * float(np.median(np.abs(np.diff(x, 2)))) / 6**0.5
+
+
 def lag_one(x: Array) -> float:
     """Correlation of each sample with the next, in [-1, 1]; zero for a constant or a single sample."""
     return float(autocorrelation(x)[1]) if x.size > 1 else 0.0

@@ -1,22 +1,19 @@
 """Runs of an experiment, read and cut into segments at constant velocity."""
 
-from collections.abc import Callable, Container, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from bristle.arrays import Array
-from bristle.data.bandwidth import decimation, of_motion
+from bristle.data.bandwidth import decimation
 from bristle.data.constant_velocity.segments import Segment, find_segments, nothing_left
-from bristle.data.differentiation import Choice, derivative, estimate_motion, smoothed, usable, without_short_segments
-from bristle.data.experiment.constants import ONE
+from bristle.data.differentiation import Choice, estimate_motion, without_short_segments
 from bristle.data.experiment.load import Experiment, Run, in_own_unit, load_experiment, read_runs
 from bristle.data.record import Record
 from bristle.data.sampling import averaged, with_motion
 from bristle.data.signal_checks import merged
-from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError, short, short_list
 from bristle.estimation import levels
 from bristle.findings import NOTE, Finding, unit_of
@@ -114,7 +111,7 @@ def measure(experiment: Experiment | Path | str) -> Measured:
     experiment = experiment.model_copy(update={"runs": tuple(moving)})
     message = f"Constant velocities held: {held}, too few for points; taken as a motion, of which all samples are used."
     note = Finding("few-held", NOTE, message, {"held": held})
-    runs = _changed(read_runs(experiment), lambda record: replace(record, notes=(*record.notes, note)))
+    runs = changed(read_runs(experiment), lambda record: replace(record, notes=(*record.notes, note)))
     return measured_of(experiment, runs)
 
 
@@ -138,26 +135,26 @@ def measured_of(experiment: Experiment, runs: tuple[Run, ...]) -> Measured:
         note = Finding("sampled-faster", NOTE, message, {"ratio": ratio, "slowest": slowest.file})
         return replace(record, oversampled=ratio, notes=(*record.notes, note))
 
-    runs = _changed(runs, beside_slowest)
+    runs = changed(runs, beside_slowest)
     fitted = [run.record for run in runs if run.kind == "tracking" and not run.hold_out]
     if fitted and experiment.fit.position_cutoff is None:
         widest = max(r.cutoff for r in fitted)
-        runs = tuple(_changed((run,), lambda r: _refiltered(r, widest))[0] if run.hold_out else run for run in runs)
+        runs = tuple(changed((run,), lambda r: refiltered(r, widest))[0] if run.hold_out else run for run in runs)
     every, moving = experiment.fit.decimation or 1, [run.record for run in runs if run.kind == "tracking"]
     if experiment.fit.decimation is None and moving:
         longest = min(max(_stretches(r)) / r.oversampled for r in moving)
         every = longest_decimation(decimation(fitted or moving), int(longest))
 
-    runs = _changed(runs, lambda r: _decimable(r, every) or r)
+    runs = changed(runs, lambda r: decimable(r, every) or r)
     if experiment.fit.decimation is None:
         # of runs that are sampled far faster than their equations need, means of samples
         at_once = _at_once(every)
-        runs, every = _changed(runs, lambda r: _averaged(r, _at_once(r.decimation(every)), at_once)), every // at_once
+        runs, every = changed(runs, lambda r: _averaged(r, _at_once(r.decimation(every)), at_once)), every // at_once
     experiment = _with_fit_options(experiment, decimation=every)
     return judged(Measured(experiment=experiment, runs=runs, segments=_cut_segments(experiment, runs)))
 
 
-def _decimable(record: Record, every: int) -> Record | None:
+def decimable(record: Record, every: int) -> Record | None:
     """A moving run without stretches between gaps that are too short for the decimation filter; None where all are."""
     shortest = transient(record.decimation(every)) + 1
     if np.diff([*record.starts, record.time.size]).max() < shortest:
@@ -174,30 +171,27 @@ def _averaged(record: Record, count: int, slowest: int) -> Record:
     """The record with means of some samples, and those of the slowest."""
     if count == 1:
         return record
-    unknown = at_limits(record)
-    whole = replace(record, filled=unknown if unknown.any() else record.filled)
     note = Finding(
         "samples-averaged", NOTE, f"Of every {count} samples the mean is taken, which the low pass hardly alters."
     )
     return replace(
-        averaged(whole, count), oversampled=record.oversampled * slowest / count, notes=(*record.notes, note)
+        averaged(record, count), oversampled=record.oversampled * slowest / count, notes=(*record.notes, note)
     )
 
 
 def _stretches(record: Record) -> list[int]:
     """Samples of each stretch between gaps and unknown torques; without any, of all there is."""
-    unknown = at_limits(record)
-    edges = np.union1d([*record.starts, record.time.size], np.flatnonzero(np.diff(unknown)) + 1)
-    known = ~unknown[edges[:-1]]
+    edges = np.union1d([*record.starts, record.time.size], np.flatnonzero(np.diff(record.lost)) + 1)
+    known = ~record.lost[edges[:-1]]
     return list(np.diff(edges)[known if known.any() else ...])
 
 
-def _changed(runs: Sequence[Run], change: Callable[[Record], Record]) -> tuple[Run, ...]:
+def changed(runs: Sequence[Run], change: Callable[[Record], Record]) -> tuple[Run, ...]:
     """The runs with other records of the moving ones."""
     return tuple(replace(run, record=change(run.record)) if run.kind == "tracking" else run for run in runs)
 
 
-def _refiltered(record: Record, cutoff: float | Choice, *, logged: bool = True) -> Record:
+def refiltered(record: Record, cutoff: float | Choice, *, logged: bool = True) -> Record:
     """A moving run with its motion estimated again through another low pass, Hz, from its velocity if `logged`."""
     kept = tuple(n for n in record.notes if n.code not in {"motion-from-position", "acceleration-from-velocity"})
     whole = record.fine or record
@@ -205,96 +199,6 @@ def _refiltered(record: Record, cutoff: float | Choice, *, logged: bool = True) 
     position = None if whole.integrated else whole.position
     moved = estimate_motion(replace(whole, position=position, velocity=velocity, acceleration=None, notes=kept), cutoff)
     return with_motion(record, replace(moved, position=whole.position))
-
-
-def with_slopes(measured: Measured, files: Container[str]) -> Measured:
-    """The same with velocities of some moving runs that are slopes of their positions, where both were logged."""
-
-    def slope(record: Record) -> Record:
-        """A run of those files that has both."""
-        both = record.position is not None and not record.velocity_estimated and not record.integrated
-        return _refiltered(record, of_motion, logged=False) if both and record.file in files else record
-
-    return replace(measured, runs=_changed(measured.runs, slope))
-
-
-def with_wider_low_pass(measured: Measured, factor: float) -> Measured:
-    """The same with the low pass of moving runs wider by a factor, at the same decimation."""
-    return replace(measured, runs=_changed(measured.runs, lambda r: _refiltered(r, usable(r, factor * r.cutoff))))
-
-
-def with_decimation(measured: Measured, every: int) -> Measured | None:
-    """The same with so many samples an equation, without stretches that are too short for that; None where all of a run's are."""
-    if any(_decimable(r, every) is None for r in (run.record for run in measured.runs if run.kind == "tracking")):
-        return None
-    runs = _changed(measured.runs, lambda r: _decimable(r, every) or r)
-    return with_options(replace(measured, runs=runs), decimation=every)
-
-
-def without_twist(measured: Measured, compliance: float, inertia: float, before: float) -> Measured:
-    """The same with the position where moving runs rub, of an inertia with a share before what twists, all SI.
-
-    It is behind by `compliance` times the torque less that share's; the acceleration is the mean of both inertias.
-    """
-
-    def rubs(record: Record) -> Record:
-        """A run with position, torque and motion; its motion is estimated again."""
-        whole = record.fine or record
-        if whole.position is None or whole.torque is None or whole.acceleration is None:
-            return record
-        behind = compliance * smoothed(whole, whole.torque - before * inertia * whole.acceleration, record.cutoff)
-        there = replace(whole, position=whole.position - behind, notes=record.notes)
-        if whole.velocity is not None and not whole.velocity_estimated:
-            there = replace(there, velocity=whole.velocity - derivative(whole, behind))
-        moved = _refiltered(there, record.cutoff)
-        both = np.asarray(moved.acceleration) + before * derivative(whole, behind, 2)
-        return with_motion(record, replace(moved, acceleration=both))
-
-    return replace(measured, runs=_changed(measured.runs, rubs))
-
-
-def without_lag(measured: Measured, lag: float) -> Measured:
-    """The same with a logged velocity that follows the true one with a time constant, s, as of an observer."""
-
-    def true(record: Record) -> Record:
-        """A run with velocity and acceleration; the latter is estimated again."""
-        whole = record.fine or record
-        if whole.velocity is None or whole.acceleration is None:
-            return record
-        place = None if whole.position is None else whole.position + lag * whole.velocity
-        there = replace(whole, position=place, velocity=whole.velocity + lag * whole.acceleration)
-        return _refiltered(there if record.fine is None else replace(record, fine=there), record.cutoff)
-
-    return replace(measured, runs=_changed(measured.runs, true))
-
-
-def without_delay(measured: Measured, late: float, error: float = 0.0, *, final: bool = False) -> Measured:
-    """The same with torques `late` s earlier, and their error; `final` keeps measurements that a drive uses fresh."""
-    command, motor = measured.experiment.signals.command, measured.experiment.motor_constants or ONE
-    gains = {}
-    if final and command is not None and command.fresh:
-        gains = {"position": motor.at_joint().kp, "velocity": motor.at_joint().kd}
-
-    def earlier(record: Record) -> Record:
-        def moved(x: Array, by: float = late) -> Array:
-            return np.interp(record.time + by, record.time, x)
-
-        def torque(by: float) -> Array:
-            made = moved(np.asarray(record.torque), by)
-            for name, gain in gains.items():
-                was = np.asarray(getattr(record, name))
-                made = made + (gain.value if gain else 0.0) * (moved(was, by) - was)
-            return made
-
-        if record.torque is None:
-            return record
-        shifts = {name: moved(x) for name, x in record.torque_shifts.items()}
-        if error:
-            shifts[f"the delay, {late:.3g} +/- {error:.2g} s"] = (torque(late + error) - torque(late - error)) / 2
-        voltage = None if record.voltage is None else moved(record.voltage)
-        return replace(record, torque=torque(late), voltage=voltage, torque_shifts=shifts)
-
-    return replace(measured, runs=_changed(measured.runs, earlier))
 
 
 def with_options(measured: Measured, **options: object) -> Measured:
@@ -391,7 +295,6 @@ def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
     if velocity is None or torque is None:
         raise InputError(f"{record.file}: points need the signals velocity and torque; name both under signals")
     moving = np.abs(velocity) > _STILL * np.abs(velocity).max(initial=0.0)
-    clipped = at_limits(record, "points")
 
     reasons: list[tuple[Finding, ...]] = []
     for k, speed in enumerate(np.abs(velocity).tolist()):
@@ -403,7 +306,7 @@ def _given_points(record: Record, slowest: float | None) -> tuple[Segment, ...]:
             reasons.append((Finding("point-too-slow", NOTE, message, {"speed": speed, "least": slowest}),))
         else:
             message = "Its torque is at the largest of the file: clipped."
-            reasons.append((Finding("saturated", NOTE, message),) if clipped[k] else ())
+            reasons.append((Finding("saturated", NOTE, message),) if record.lost[k] else ())
     return tuple(
         Segment(
             file=record.file, start=k, stop=k + 1, line=None if record.lines is None else int(record.lines[k]),

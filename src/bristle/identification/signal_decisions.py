@@ -16,12 +16,7 @@ from bristle.estimation.autocorrelation import inflation, spectral_line
 from bristle.estimation.covariance import student
 from bristle.estimation.information import power_of
 from bristle.findings import CAUTION, CRITICAL, Finding
-from bristle.identification.dynamic.problem import Values
-from bristle.identification.fits import TrackingFit
-from bristle.identification.joint_fit import fitted_joint
-from bristle.identification.known_joint import chosen
-from bristle.identification.measured import (
-    Measured,
+from bristle.identification.changed_signals import (
     with_decimation,
     with_slopes,
     with_wider_low_pass,
@@ -29,6 +24,11 @@ from bristle.identification.measured import (
     without_lag,
     without_twist,
 )
+from bristle.identification.dynamic.problem import Values
+from bristle.identification.fits import TrackingFit
+from bristle.identification.joint_fit import fitted_joint
+from bristle.identification.known_joint import chosen
+from bristle.identification.measured import Measured
 from bristle.identification.model_selection import Refitted, refitted
 from bristle.identification.moving_runs import directions
 from bristle.identification.results import Joint

@@ -13,7 +13,7 @@ from bristle.data.experiment.signals import Seconds, Speed
 from bristle.data.experiment.yaml_file import StrictModel
 from bristle.data.record import Record
 from bristle.estimation import levels
-from bristle.estimation.autocorrelation import inflation, standard_error
+from bristle.estimation.autocorrelation import inflation, standard_error, white_noise
 from bristle.findings import CAUTION, NOTE, Finding, unit_of
 
 
@@ -129,7 +129,7 @@ def _swing(v: Array, position: Array | None, time: Array, mean: float, quantum: 
     if n < levels.SWING_SAMPLES or speed == 0:
         return 0.0, 0.0, 0.0
     step = (time[-1] - time[0]) / (n - 1)
-    noise = float(np.median(np.abs(np.diff(v, 2)))) / (0.6745 * np.sqrt(6))
+    noise = white_noise(v)
     window = int(np.ceil(max((10 * noise / speed) ** 2, 10 * quantum / (speed * step), 1.0)))
     visible = position is None or float(np.std(position - position[0] - mean * (time - time[0]))) > quantum
     if window > n // levels.SWING_WINDOWS or not visible:

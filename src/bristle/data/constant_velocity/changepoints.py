@@ -13,7 +13,7 @@ from scipy.special import gammaln
 
 from bristle.arrays import Array
 from bristle.estimation import levels
-from bristle.estimation.autocorrelation import autocorrelation
+from bristle.estimation.autocorrelation import autocorrelation, white_noise
 
 _SMALLEST = 4  # samples in a block
 _BLOCKS = (16, 32, 64, 128, 256, 512, 2048)
@@ -99,7 +99,7 @@ def _lines(u: Array) -> list[tuple[int, int]]:
     penalty = 6 * np.log(n)
     k = np.arange(n) - n / 2
     sums = np.array([np.r_[0.0, np.cumsum(x)] for x in (np.ones(n), k, k * k, u, u * u, k * u)])
-    noise = float(np.median(np.abs(np.diff(u, 2)))) / (0.6745 * np.sqrt(6)) + 1e-9 * float(np.abs(u).max())
+    noise = white_noise(u) + 1e-9 * float(np.abs(u).max())
     constant = gammaln((np.arange(n + 1) + _PRIOR) / 2) * 2 - np.arange(n + 1) * np.log(_PRIOR)
     best, previous = np.zeros(n + 1), np.zeros(n + 1, dtype=int)
     for j in range(1, n + 1):

@@ -18,7 +18,7 @@ from bristle.data.experiment.yaml_file import StrictModel, parse, read_text, val
 from bristle.data.record import Record
 from bristle.data.signal_checks import check_signals, check_units, velocity_factor
 from bristle.data.text_table import RawTable, Reader, naming, read_table
-from bristle.data.torque_checks import with_noisy_limits
+from bristle.data.torque_checks import with_unknown
 from bristle.errors import InputError, short
 from bristle.findings import NOTE, Finding
 from bristle.model.parameters import Kind as JointKind
@@ -284,7 +284,7 @@ def _record(experiment: Experiment, run: RunFiles, table: RawTable, shown: str) 
         shifts = torque_shifts(record, signals, experiment.motor_constants, experiment.context, experiment.coasting)
     warnings = (*record.warnings, *check_units(shown, stated, signals), *wrong)
     record = replace(record, warnings=warnings, torque_shifts=shifts)
-    record = with_noisy_limits(record, run.experiment) if run.experiment in ("tracking", "ramp") else record
+    record = with_unknown(record, run.experiment)
     return _placed(record) if run.experiment == "tracking" else record
 
 

@@ -15,7 +15,6 @@ from bristle.control.plant import quantise
 from bristle.data.differentiation import LOWEST, derivative, estimate_motion, smoothed
 from bristle.data.record import Record
 from bristle.data.sampling import with_motion
-from bristle.data.torque_checks import at_limits
 from bristle.estimation import levels
 from bristle.findings import CAUTION, NOTE, Finding
 from bristle.identification.dynamic.claims import warned, without_weak
@@ -63,7 +62,7 @@ def without_count_bias(
             position = np.asarray(quantise(position + phase * count, count)).ravel() if count else position
             bare = replace(r, position=position, velocity=None, acceleration=None)
             there = with_motion(record, estimate_motion(bare, r.cutoff))
-            counted.append(replace(there, torque=torque, filled=at_limits(record)))  # the same equations
+            counted.append(replace(there, torque=torque))  # the same equations
         posed = pose(counted, solved.problem.fixed).with_weights(solved.problem.weight)
         problem = replace(posed, priors=priors, sigma=solved.problem.sigma).rough()
         values, moved = fit(problem, solved.values, _STEPS, enough)

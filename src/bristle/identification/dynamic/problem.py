@@ -14,7 +14,6 @@ from scipy.ndimage import minimum_filter1d
 from bristle.arrays import Array
 from bristle.data.differentiation import between_gaps
 from bristle.data.record import Record
-from bristle.data.torque_checks import at_limits
 from bristle.errors import InputError
 from bristle.estimation import levels
 from bristle.identification.load_levels import Load, levels_of, load_of
@@ -265,8 +264,8 @@ def dynamic_problem(
             raise InputError(
                 f"{record.file}: at rest throughout; a tracking run needs motion in both directions, slow and fast"
             )
-        known, clipped = known_torque(record, inertia, regressors), at_limits(record)
-        for part, smooth in _segments(record, spacing, clipped):
+        known = known_torque(record, inertia, regressors)
+        for part, smooth in _segments(record, spacing):
             motions.append(
                 Motion(
                     file=record.file, time=record.time[part] - record.time[0], velocity=record.velocity[part],
@@ -288,13 +287,11 @@ def dynamic_problem(
     )  # fmt: skip  # a list of values
 
 
-def _segments(
-    record: Record, spacing: int, clipped: NDArray[np.bool_]
-) -> Iterator[tuple[slice, sparse.csr_array | None]]:
+def _segments(record: Record, spacing: int) -> Iterator[tuple[slice, sparse.csr_array | None]]:
     """Segments between gaps, and from rest to rest, each with the decimation filter of the equations centred on it."""
     for part in between_gaps(record):
         n = part.stop - part.start
-        smooth, _ = decimator([np.array([n])], spacing, record.file, clipped[part])
+        smooth, _ = decimator([np.array([n])], spacing, record.file, record.lost[part])
         centre, rests = smooth @ np.arange(n), np.searchsorted(record.time[part], record.rests)
         with_equations = np.unique(np.searchsorted(rests, centre, side="right"))
         for start, stop in pairwise([0, *rests[with_equations[1:] - 1].tolist(), n]):

@@ -11,7 +11,6 @@ from scipy import sparse
 
 from bristle.arrays import Array
 from bristle.data.record import Record
-from bristle.data.torque_checks import at_limits
 from bristle.estimation.linear import bounded_least_squares
 from bristle.estimation.nonlinear import Unknowns
 from bristle.identification.load_levels import level_columns, levels_of, settled_weights
@@ -234,7 +233,7 @@ def from_records(
     is missing.
     """
     filters = [
-        decimator([np.diff([*r.starts, r.time.size])], r.decimation(decimation), r.file, at_limits(r)) for r in records
+        decimator([np.diff([*r.starts, r.time.size])], r.decimation(decimation), r.file, r.lost) for r in records
     ]
     smooth = sparse.csr_array(sparse.block_diag([matrix for matrix, _ in filters], format="csr"))
     dropped = sum(lost for _, lost in filters)
