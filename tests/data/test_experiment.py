@@ -326,6 +326,12 @@ _NAMES: dict[str, tuple[str, str | None] | None] = {
 
 
 _CHOSEN = [
+    # by a unit alone, but where several columns have one; and German names
+    ("t_s z_mm thrust_N", "position", "z_mm", 0), ("t_s z_mm thrust_N", "torque", "thrust_N", 0), ("t a_mm b_mm tau", "position", None, 0),
+    ("Lagesollwert Lageistwert Istmoment", "position", "Lageistwert", 0), ("Lagesollwert Istmoment", "torque", "Istmoment", 0),
+    ("sec nanosec q tau", "time", "sec", 0), ("sec usec q tau", "time", None, 0),
     ("tau_cmd tau_meas", "torque", "tau_meas", 0), ("q1 q2 q3 q4 q5 q6", "position", "q1", 5), ("t q v tau", "velocity", "v", 0),
     ("t q v", "velocity", None, 0), ("target_moment actual_current", "torque", None, 0), ("v dq tau", "velocity", "dq", 0),
+    ("q_d q tau_J_d tau_J", "torque", "tau_J", 0), ("q_d q tau_J_d tau_J", "position", "q", 0), ("q i_d i_q", "current", "i_q", 0),
+    ("q i_d", "current", None, 0), ("actual_q_1 actual_qd_1 actual_TCP_speed", "velocity", "actual_qd_1", 0),
 ]  # fmt: skip  # a table

@@ -345,5 +345,12 @@ def velocity_lag(record: Record) -> Finding | None:
         f"standard error {error:.2g}), as where it is {why}: friction at reversals and the inertia are wrong. Leave "
         f"`velocity` out under signals to have it estimated from the position, or log {remedy}."
     )
-    numbers = {"files": (record.file,), "lag": lag, "samples": samples, "error": error, "remedy": remedy}
+    numbers = {
+        "files": (record.file,),
+        "lag": lag,
+        "samples": samples,
+        "error": error,
+        "remedy": remedy,
+        "filtered": why == "filtered",
+    }
     return Finding("velocity-lags", CAUTION, message, numbers)

@@ -1,6 +1,7 @@
 """Draft of a commented experiment file from logs; what cannot be guessed is an error that names the option."""
 
 import os
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
@@ -13,7 +14,7 @@ from bristle.arrays import Array
 from bristle.data.binary_tables import READERS, names_of
 from bristle.data.columns import ISO, Key
 from bristle.data.encoder import unit_of_counts
-from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns
+from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns, unit_in
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.ros.bag import is_bag
@@ -142,6 +143,7 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
     for name in ("position", "velocity", "torque"):
         unit = name in guesses and (told.units.get(name) or guesses[name].unit)
         slides = slides or bool(unit and fits(unit, unit_of(name, "prismatic")))
+    slides = slides or bool(_OF_SCREW.search(told.gear or ""))
     kind: Kind = "prismatic" if slides else "revolute"
     guessed = [f"joint.kind: {kind}, by the units", *_assumed(log, guesses, told, drive, kind)]
     guesses, counted = _counted(log, guesses, told, beside) if kind == "revolute" else (guesses, ())
@@ -154,6 +156,7 @@ def draft_experiment(files: Sequence[Path], told: Told | None = None, folder: Pa
             if name in beside:
                 time = source.guesses["time"]
                 ends += f", file: {quoted(relative(source.path, folder))}, time: {{column: {quoted(time.column)}, unit: {quoted(time.unit or 's')}}}"
+            ends += f", plus: {{column: {quoted(guess.plus)}, unit: ns}}" if guess.plus else ""
             where = [source.path] if name in beside else files
             wraps = name == "position" and kind == "revolute" and _wraps(where, guess, told)
             ends += ", wraps: true" * wraps
@@ -199,6 +202,9 @@ def _head(files: Sequence[Path], kind: Kind, told: Told, log: "_Log") -> tuple[s
 
 def _assumed(log: "_Log", guesses: Mapping[str, ColumnGuess], told: Told, drive: str, kind: Kind) -> Iterator[str]:
     """Sentences on a time without a unit, and on a drive without constants."""
+    unit = told.units.get(drive) or (guesses[drive].unit if drive in guesses else None)
+    if unit in ("%", "percent") and drive in told.scales:
+        yield f"{drive}: in percent, of which 100 % are {told.scales[drive]} (--scale)"
     if log.by_step:
         yield f"unit of time: {log.by_step}, because a log has many samples a second"
     if drive in ("current", "voltage") and told.motor.keys().isdisjoint(("torque_constant", "resistance")):
@@ -283,8 +289,7 @@ class _Log:
             known, number = column in self.names, int(column) if column.isdecimal() and len(column) < 6 else None
             place = self.names.index(column) if known else number
             unit = self.stated[place] if place is not None and place < len(self.stated) else ""
-            named = guess_columns([column], [unit]).get(signal) if known else None
-            guesses[signal] = ColumnGuess(column, named.unit if named else unit or None)
+            guesses[signal] = ColumnGuess(column, (unit_in(column, signal, unit) if known else None) or unit or None)
         if told.rate is None and not self.names and "time" not in guesses and self.rises():
             guesses["time"] = _FIRST
         if "time" not in guesses or "time" in told.units:
@@ -329,6 +334,7 @@ class _Log:
         return bool(within and steps.min() > 0)
 
 
+_OF_SCREW = re.compile(r"ratio:[^,]*(?:/ *(?:mm|cm|m)|(?:mm|cm|m) */)")  # a ratio of turns and a way
 _FIRST = ColumnGuess("0", None)  # column of a text file
 
 
