@@ -125,6 +125,14 @@ def test_what_is_planted_is_told_with_its_size() -> None:
     for even in (np.ones(200), np.abs(velocity)):
         assert "directions-differ" in codes(told(noise + even, velocity, parameters=["quadratic"]))
     assert not told(noise + velocity, velocity)
+    # friction that grows with the position, or has a period, is no torque of the position
+    position, velocity = np.sin(np.arange(2000) / 50), np.cos(np.arange(2000) / 50)
+    sign, noise = np.sign(velocity), white(2000, 0.05, 8)
+    for shape, words in ((position, "with the position, by about"), (np.cos(6 * np.pi * position), "a period of 0.33")):
+        (said,) = told(noise + 0.2 * sign * shape, velocity, np.arange(2000.0), position)
+        assert (said.code, said.numbers["share"] > 0.8) == ("friction-by-position", True)
+        assert words in str(said)
+        assert 0.1 < said.effect["torque"] < 0.2
     # a ripple of 5 % of friction, far above the noise, moves friction hardly; a direction that differs so does
     position = np.linspace(0, 40, 4000)
     velocity = np.where(np.arange(4000) % 400 < 200, 1.0, -1.0) * (1 + 0.3 * np.sin(position))

@@ -13,9 +13,10 @@ from bristle.findings import NOTE, Finding
 from bristle.identification.changed_signals import with_decimation, without_delay
 from bristle.identification.curve import LEAST, known_curve, slowest_shown
 from bristle.identification.fits import Estimate, TrackingFit
+from bristle.identification.known_joint import chosen
 from bristle.identification.results import Joint
 from bristle.identification.verdict import Trust, verdict
-from bristle.model.parameters import Direction, Lugre, ParameterName
+from bristle.model.parameters import Direction, Lugre, Pair, ParameterName
 
 from ..conftest import present
 from .conftest import codes, drafted, experiment_file, holds, white, written
@@ -62,6 +63,44 @@ def near(joint: Joint, errors: float = 4.0, **truth: float) -> None:
     for name, value in truth.items():
         error = max(errors * (found[name].standard_error or 0.0), 0.01 * value)
         assert found[name].value == pytest.approx(value, abs=error), name
+
+
+@pytest.mark.slow
+def test_levels_that_differ_are_told_from_an_offset_by_reversals(tmp_path: Path) -> None:
+    """Directions whose levels differ by a constant have each its own; under an offset of the torque they have the same."""
+    t, q, v, a = motion()
+    lower = Pair(TRUTH, TRUTH._replace(alpha_0=0.5))
+    torques = {
+        "each its own": bristle.simulate(v, 1 / RATE, lower),
+        "the same": bristle.simulate(v, 1 / RATE, TRUTH) + 0.15,
+    }
+    for said, torque in torques.items():
+        joint = drafted(written(tmp_path / "log.csv", t=t, q=q, tau=torque + INERTIA * a + white(t.size, 0.005)))
+        assert joint.settings["chosen directions"].startswith(said)
+        levels = [x.estimate.value for x in chosen(joint) if x.parameter.name == "alpha_0"]
+        assert levels == pytest.approx([0.8, 0.5] if said == "each its own" else [0.8], rel=0.02)
+
+
+@pytest.mark.slow
+def test_friction_that_differs_is_told(tmp_path: Path) -> None:
+    """Of a run, fitted or held out, and of places: a period is fitted."""
+    t, q, _, a = motion()
+    rest = INERTIA * a + white(t.size, 0.01)
+    warm = 0.75 * (clean() - INERTIA * a)
+    names = ("cold.csv", "warm.csv")
+    logs = [
+        written(tmp_path / name, t=t, q=q, tau=x + rest) for name, x in zip(names, (warm / 0.75, warm), strict=True)
+    ]
+    for held in (False, True):
+        told = bristle.Told(hold_out=(logs[1],)) if held else None
+        text, _ = bristle.draft(*logs[: 2 - held], told=told)
+        (tmp_path / "e.yaml").write_text(text)
+        found = verdict(bristle.identify(tmp_path / "e.yaml").joint())
+        assert (found.trust, present(found.reason).code) == (Trust.DO_NOT_USE, "run-differs")
+        assert present(found.reason).numbers["by"] == pytest.approx(-0.25 if held else 0.28, abs=0.06)
+    joint = drafted(written(tmp_path / "log.csv", t=t, q=q, tau=(1 + 0.2 * np.sin(6 * q)) * warm + rest))
+    assert "ripple of order 6" in joint.settings["chosen regressors"]
+    near(joint, 8.0, alpha_0=0.6, alpha_2=0.375, inertia=INERTIA)
 
 
 @pytest.mark.slow
@@ -180,6 +219,18 @@ def test_a_velocity_alone_that_an_observer_made_late(tmp_path: Path) -> None:
         told = joint.settings.get("chosen velocity", "constant of 0 s").split("constant of ")[1].split()[0]
         assert float(told) == pytest.approx(lag, rel=0.05)
         near(joint, alpha_0=0.8, alpha_2=0.5, inertia=INERTIA)
+
+
+def test_velocity_and_torque_through_one_filter_beside_a_raw_position(tmp_path: Path) -> None:
+    """Gravity is of the position, which is early: what its torque lags by looks viscous, unless both are taken as late."""
+    t, q, v, _ = motion()
+    share = 1 / (0.016 * RATE)
+    late, torque = (lfilter([share], [1, share - 1], x) for x in (v, clean() + 20 * np.sin(q)))
+    counted, dq = np.round(q * COUNTS / 16) * 16 / COUNTS, late + white(t.size, 1e-4)
+    columns = {"t": t, "q": counted, "dq": dq, "tau": torque + white(t.size, 0.01)}
+    joint = drafted(written(tmp_path / "log.csv", **{name: x[200:] for name, x in columns.items()}))
+    assert "both were logged through a filter" in joint.settings["chosen velocity"]
+    near(joint, alpha_0=0.8, alpha_2=0.5, gravity_sin=20.0)
 
 
 def test_a_vibration_that_no_signal_has_is_filtered_out(tmp_path: Path) -> None:

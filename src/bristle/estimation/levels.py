@@ -28,6 +28,8 @@ EARLY = 5.0  # standard errors by which a motion is before its command: impossib
 LEAST_FREEDOM = 4.0  # degrees of freedom: a variance of fewer is too uncertain to be used
 
 # Sizes of effects
+ALL_LEFT = 0.8  # of what is left: a term that explains more is believed, however much it would change
+AMPLIFIED = 8.0  # times what a term explains: one that would change friction by more is too like it
 MATTERS = 0.01  # of friction, alpha_0, a level or a gain: a smaller effect is a note, or none
 EXPLAINS = 0.05  # of squares or of a variance: a term or parameter that explains less is not reported
 LINE_WIDTH, MOST_WAVES = 0.05, 0.1  # of a line's frequency: its half width; waves an equation: slower is no vibration
@@ -156,6 +158,7 @@ TURNING, TURNING_BESIDE = 0.1, 2  # of the rms speed: slower equations, and two 
 INFLATED = 2  # ratio of variances by which correlation of points is reported
 CORRELATED = 0.9  # lag-one correlation of residuals that are a pattern: noise is 1 - 0.9**2 at most
 BURST, BURST_IN = 0.25, 0.01  # share of squares in so few equations: 0.08 for normal noise, 0.16 for Laplace's
+REPEATED = 0.8  # of rows: where more stamps repeat the one before, their column is too coarse to be the time
 NEARLY_ALL, NOISE_ADDS = 0.99, 1.1  # share of readings below a saturation, and ratio by which noise exceeds it
 
 # Slow loading

@@ -45,6 +45,7 @@ class Candidate(NamedTuple):
     tell: Callable[[Score, int], Finding | None]  # (score, index of the alternative) -> finding, or None to refuse it
     columns: Sequence[Array]  # Alternatives, (n, k) each, in the unit of the residuals, unweighted
     is_friction: bool = False  # Whether it is friction itself
+    is_tried: bool = False  # Whether a fit of its own will tell, however little it explains
 
 
 def scores(known: Array, rest: Array, columns: Sequence[Array], inflated: float = 1.0) -> list[Score]:
@@ -117,7 +118,8 @@ def explained(fit: Fitted, candidates: Sequence[Candidate]) -> Explained:
     """Add the best candidate by BIC, one after another, as long as it is significant (Bonferroni) and explains enough.
 
     A finding's `effect` is the change of rms friction (`torque`) and the largest move in standard errors (`errors`);
-    without either it is a note.
+    without either it is a note. A column that hardly differs from what is fitted turns any small pattern into a large
+    change of friction: it is refused, unless it is tried, or explains nearly all that is left.
     """
     n, waiting, basis = fit.rest.size, list(candidates), _basis(fit.known)
     tried, total, findings, errors = sum(len(x.columns) for x in waiting), 0.0, list[Finding](), fit.errors
@@ -141,13 +143,17 @@ def explained(fit: Fitted, candidates: Sequence[Candidate]) -> Explained:
             return Explained(findings, left, errors)
         _, candidate, which, found = best
         waiting = [x for x in waiting if x is not candidate]
-        finding = candidate.tell(found, which)
-        if finding is not None:
-            basis = _basis(np.hstack([basis, fit.off(fit.weight[:, None] * candidate.columns[which])]))
-            added = fit.weight * (candidate.columns[which] @ found.sizes)
-            moved = moved_by(fit.known, added)
-            errors = np.hypot(errors, moved)
-            findings.append(_with_effect(fit, added, moved, finding, is_friction=candidate.is_friction))
+        added = fit.weight * (candidate.columns[which] @ found.sizes)
+        moved = moved_by(fit.known, added)
+        changed = (added if candidate.is_friction else 0.0) - fit.known[:, fit.of_friction] @ moved[fit.of_friction]
+        torque = float(np.sqrt(np.mean(np.square(changed))))
+        amplified = torque > levels.AMPLIFIED * np.sqrt(found.squares / n) and torque > levels.MATTERS * fit.friction
+        doubtful = amplified and found.share < levels.ALL_LEFT and not candidate.is_tried
+        if doubtful or (finding := candidate.tell(found, which)) is None:
+            continue
+        basis = _basis(np.hstack([basis, fit.off(fit.weight[:, None] * candidate.columns[which])]))
+        errors = np.hypot(errors, moved)
+        findings.append(_with_effect(fit, torque, moved, finding))
 
 
 def _best(basis: Array, left: Array, columns: Sequence[Array]) -> int:
@@ -160,11 +166,8 @@ def _best(basis: Array, left: Array, columns: Sequence[Array]) -> int:
     return int(np.argmax(found)) if found else 0
 
 
-def _with_effect(fit: Fitted, added: Array, moved: Array, finding: Finding, *, is_friction: bool) -> Finding:
-    """The finding with the effect of adding this to the model, (n,); a note if it is small."""
-    friction = fit.known[:, fit.of_friction] @ moved[fit.of_friction]
-    changed = (added if is_friction else 0.0) - friction
-    torque = float(np.sqrt(np.mean(np.square(changed))))
+def _with_effect(fit: Fitted, torque: float, moved: Array, finding: Finding) -> Finding:
+    """The finding with the effect of its term on rms friction and on each unknown, (p,); a note if it is small."""
     errors = float(np.max(np.abs(moved) / np.maximum(fit.errors, 1e-300), initial=0.0))
     little = max(torque, finding.effect.get("torque", 0.0)) < levels.MATTERS * fit.friction and errors < 1
     told = replace(finding, effect={"torque": torque, "errors": errors, **finding.effect})

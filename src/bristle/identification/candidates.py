@@ -47,25 +47,33 @@ def candidates(
         if not (both and over == "velocity"):  # even functions of velocity are covered by the directions
             rows.append(Candidate(partial(_trend, over), (_centred([s, s * s]),), is_friction=over == "velocity"))
     if "position" in scaled:
-        waves = _Waves(position, min(n // 4, _HARMONICS))
-        rows.append(Candidate(partial(_ripple, waves.reach, parameters, kind), waves))
+        signs = (None, np.sign(velocity)[:, None]) if both else (None,)  # of friction, which turns with the motion
+        for sign in signs:
+            waves = _Waves(position, min(n // 4, _HARMONICS), sign)
+            tell = partial(_ripple, waves.reach, parameters, kind, of_friction=sign is not None)
+            rows.append(Candidate(tell, waves, is_friction=sign is not None))
     return rows
 
 
 class _Waves(Sequence[Array]):
-    """Cosine and sine of harmonics of the range of positions, rad, (n,), from the second on; (n, 2) each."""
+    """Cosine and sine of harmonics of the range of positions, rad, (n,), from the second on; (n, 2) each.
 
-    def __init__(self, position: Array, count: int) -> None:
-        self.reach, self.turns, self.most = float(np.ptp(position)), 2 * np.pi * (position - position.min()), count
+    Of friction times `sign`, (n, 1), after a trend over the positions.
+    """
+
+    def __init__(self, position: Array, count: int, sign: Array | None = None) -> None:
+        self.reach, self.turns = float(np.ptp(position)), 2 * np.pi * (position - position.min())
+        self.most, self.sign = count, sign
 
     def __len__(self) -> int:
-        return self.most
+        return self.most + (self.sign is not None)
 
     def __getitem__(self, k: Any) -> Any:
-        if not k < self.most:
+        if not k < len(self):
             raise IndexError
-        phase = (k + 2) * self.turns / self.reach
-        return _centred([np.cos(phase), np.sin(phase)])
+        s, order = self.turns / self.reach, k + 2 - (self.sign is not None)
+        columns = [np.cos(order * s), np.sin(order * s)] if order > 1 else [s, (s - np.pi) ** 2]
+        return _centred(columns) if self.sign is None else self.sign * _centred(columns)
 
 
 def _centred(columns: Sequence[Array]) -> Array:
@@ -107,13 +115,29 @@ def _regressor(name: str, parameters: Collection[str], found: Score, _: int) -> 
     return Finding("lacks-a-term", CAUTION, message, {"lines": lines, "term": name, "share": found.share})
 
 
-def _ripple(reach: float, parameters: Collection[str], kind: Kind, found: Score, which: int) -> Finding:
-    """For a period that divides the range of positions, rad, with the lines that would fit it."""
-    period = reach / (which + 2)
-    order, fitted = round(turn_of(kind)[0] / period), {x[2] for name in parameters if (x := periodic(name))}
-    asked = f"{regressor_line(('cogging',), parameters)}, orders: [{', '.join(map(str, sorted({*fitted, order})))}]"
+def _ripple(
+    reach: float, parameters: Collection[str], kind: Kind, found: Score, which: int, *, of_friction: bool
+) -> Finding:
+    """For a period that divides the range of positions, rad, with the lines that would fit it; of friction a trend is the first."""
+    amplitude, order = float(np.hypot(*found.sizes)), 0
+    period = reach / (which + 2 - of_friction)
+    fitted = {x[2] for name in parameters if (x := periodic(name))}
+    if which or not of_friction:
+        order = round(turn_of(kind)[0] / period)
+    term = "ripple" if of_friction else "cogging"
+    asked = f"{regressor_line((term,), parameters)}, orders: [{', '.join(map(str, sorted({*fitted, order})))}]"
+    write = f" If motor or gear repeat so, write {asked} under fit." if order and order not in fitted else ""
+    numbers = {"p": found.p, "share": found.share}
+    if not of_friction:
+        message = (
+            f"A ripple vs position of period {period:.3g}{unit_of('position')} explains {100 * found.share:.0f} % of what is left "
+            f"(p = {found.p:.1g}).{write}"
+        )
+        return Finding("residual-ripple", CAUTION, message, {"period": period, **numbers})
+    where = f" with a period of {period:.3g}{unit_of('position')}" if which else ""
     message = (
-        f"A ripple vs position of period {period:.3g}{unit_of('position')} explains {100 * found.share:.0f} % of what is left (p = {found.p:.1g})."
-        f"{f' If motor or gear repeat so, write {asked} under fit.' if order and order not in fitted else ''}"
+        f"Friction varies with the position{where}, by about {amplitude:.2g}{unit_of('torque')} either way, which explains "
+        f"{100 * found.share:.0f} % of what is left (p = {found.p:.1g}): something rubs or is tight there. Numbers are of all "
+        f"positions on average.{write}"
     )
-    return Finding("residual-ripple", CAUTION, message, {"period": period, "p": found.p, "share": found.share})
+    return Finding("friction-by-position", CAUTION, message, {"amplitude": amplitude, **numbers})

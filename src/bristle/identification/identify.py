@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import expit
 
 from bristle.arrays import Array
-from bristle.data.experiment.schema import AS_WRITTEN
+from bristle.data.experiment.schema import AS_WRITTEN, PERIODIC
 from bristle.estimation import levels
 from bristle.identification.comparison import APART, SYMMETRIC, Comparison
 from bristle.identification.curve import LEAST, accuracy_of, band, curve
@@ -142,11 +142,11 @@ class _Decisions(SignalDecisions):
             self.measured = with_options(measured, law=law)
 
     def _terms(self) -> None:
-        """Add gravity, a spring, then cogging, where it explains half of the moving runs' residuals: the first regression may miss it."""
-        for term in ("gravity", "spring", "cogging"):
+        """Add gravity, a spring, cogging or a ripple of friction where it explains half of the residuals: the first regression may miss it."""
+        for term in ("gravity", "spring", *PERIODIC):
             fit, moving = self.measured.experiment.fit, self.joint.moving
             trend = "spring" if slides(self.measured.experiment.joint.kind) else "gravity"
-            lacks = {"residual-ripple": "cogging", "residual-trend": trend}
+            lacks = {"residual-ripple": "cogging", "friction-by-position": "ripple", "residual-trend": trend}
             said = [w for w in (moving.warnings if moving else ()) if w.numbers.get("over", "position") == "position"]
             of_term = (w.numbers for w in said if w.numbers.get("term", lacks.get(w.code)) == term)
             share = max((x["share"] for x in of_term), default=0.0)
@@ -178,7 +178,7 @@ class _Decisions(SignalDecisions):
         each = self.fitted(sided, ended)
         self.bic = bic = compared(each.tracking)[0]
         if (fit := each.moving) is not None:
-            # nan where the directions differ by a constant, or within their bands where both move: the BIC then improves at reversals alone
+            # nan where the directions differ by a constant, of which reversals hardly tell, or within their bands where both move
             # infinite where one of them has no friction
             within = [(fit.values(d), d) for d in DIRECTIONS]
             curves = [(curve(v, p.stribeck), band(v, fit, d)) for p, d in within if p is not None]
@@ -186,7 +186,8 @@ class _Decisions(SignalDecisions):
             alike = len(bands) == len(DIRECTIONS) and bool(
                 np.linalg.norm(curves[0][0] - curves[1][0]) < np.linalg.norm(np.hypot(*bands))
             )
-            if alike or any(w.code == "offset-or-friction" for w in fit.warnings):
+            told = joint.moving is not None and fit.rms <= levels.LOWER * joint.moving.rms
+            if alike or (not told and any(w.code == "offset-or-friction" for w in fit.warnings)):
                 bic[APART] = np.nan
             least = levels.NO_COULOMB * float(np.sqrt(np.mean(fit.measured**2)))
             coulomb = (e.value for name, e in fit.parameters.items() if name.name == "alpha_0")

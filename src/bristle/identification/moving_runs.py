@@ -185,8 +185,11 @@ def refuse_opposing(
         error = np.sqrt(inflation(rest) * (rest @ rest) / max(torque.size - beside.size, 1) / (own @ own))
         opposes = beside[0] < -levels.SURE * error
     if opposes:
+        made = "check resistance and torque constant, by which it is computed from the voltage; " * (
+            experiment.signals.drive() == "voltage"
+        )
         raise InputError(
-            f"{experiment.path.name}: the torque opposes the velocity {what}; a drive's torque is positive along positive velocity: give it "
+            f"{experiment.path.name}: the torque opposes the velocity {what}; {made}a drive's torque is positive along positive velocity: give it "
             "scale: -1 under signals (--scale torque=-1), or its sign where it is a magnitude; or ask for fit.regressors that outweigh friction"
         )
 

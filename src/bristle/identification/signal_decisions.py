@@ -141,6 +141,17 @@ class SignalDecisions:
                 f"the slope of the position{where}; the logged one leaves {more:.2g} times as much of the torque "
                 "(fit.set_up: as-written overrules)"
             )
+        lags = [w.numbers for r in moving for w in r.warnings if w.code == "velocity-lags" and w.numbers["filtered"]]
+        if (
+            lags and not lower
+        ):  # a torque through the same filter fits the late velocity, but gravity is of the position
+            late = float(np.median([x["lag"] for x in lags]))
+            if self.take(with_slopes(without_delay(self.measured, late), files), most):
+                self.late = late
+                self.told["chosen velocity"] = (
+                    f"the slope of the position, with the torque {late:.2g} s earlier: both were logged through a filter "
+                    "(fit.set_up: as-written overrules)"
+                )
 
     def _vibration(self) -> None:
         """Filter a vibration out of the torque, where one is most of what the fit leaves: a force that is not logged shakes the joint."""

@@ -33,7 +33,8 @@ _BY_WEIGHT = (
     "v-s-unknowable static-too-few too-few-points indistinct strays stages-do-not-fit not-positive "
     "no-torque-constant acts-early feedback-unknown commands-at-once per-inertia one-speed-only "
     "stick-slip position-differs torque-drifts positions-disagree torques-doubted stick-slip-points "
-    "other-law lost-samples friction-drifts lacks-a-term lacks-unknown-term bursts reversals-left directions-differ residual-trend "
+    "inertia-doubted other-law lost-samples run-differs friction-drifts friction-by-position lacks-a-term lacks-unknown-term bursts "
+    "reversals-left directions-differ residual-trend "
     "residual-ripple offset-or-friction drift-in-order takes-up-peak torque-delayed delay-or-presliding "
     "torque-drifts-in-runs friction-by-load clipped position-jumps "
     "position-held sampled-irregularly velocity-lags dead-zone torque-coarse loaded-at-start"
@@ -79,8 +80,9 @@ def verdict(joint: Joint) -> Verdict:
 
 
 _CAUSES = {
-    "friction-drifts", "torque-drifts-in-runs", "torque-delayed", "friction-by-load", "dead-zone", "bursts", "reversals-left",
-    "backlash", "flexible-drive", "position-jumps", "lost-samples", "clipped", "torque-missing", "torque-saturates",
+    "inertia-doubted", "friction-drifts", "friction-by-position", "run-differs", "torque-drifts-in-runs", "torque-delayed", "friction-by-load",
+    "dead-zone", "bursts", "reversals-left", "backlash", "flexible-drive", "position-jumps", "lost-samples", "clipped", "torque-missing",
+    "torque-saturates",
 }  # fmt: skip  # a list of values
 _WIDENS = {"clipped-left-out", "dead-zone-left-out", "runs-scatter", "torque-coarse", "torques-doubted"}
 """Codes that explain large residuals, and those that explain wide errors."""

@@ -40,7 +40,7 @@ from bristle.identification.dynamic.problem import (
     residuals,
     sets_of,
 )
-from bristle.identification.dynamic.residual_analysis import ResidualAnalysis, analyse_residuals
+from bristle.identification.dynamic.residual_analysis import ResidualAnalysis, analyse_residuals, held_out_differs
 from bristle.identification.fits import Estimate, HoldOut, TrackingFit
 from bristle.identification.shared_findings import (
     AT_BOUND,
@@ -90,6 +90,7 @@ def fit_tracking(
     problem, solution, more, shown = _settled(problem, start, others, progress, search=search)
     dropped = {**(dropped or {}), **more}
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
+    ended = [(file, p, with_deflections(p, without_deflections(solution.values))) for file, p in held]
     left = analyse_residuals(problem, solution, kind)
     estimates = estimates_of(problem, solution, kind, dropped, shown, left)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
@@ -107,6 +108,7 @@ def fit_tracking(
         *unexplained(rows, problem.extent),
         *search_findings(problem, solution, estimates, rows),
         *left.findings,
+        *filter(None, (held_out_differs(*x) for x in ended)),
         *offset_or_friction(solution.names, solution.values, solution.covariance, solution.freedom),
         *hardly_seen_findings(solution, unseen),
         *physics(problem, solution.values, estimates),

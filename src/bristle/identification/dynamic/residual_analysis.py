@@ -19,7 +19,16 @@ from bristle.estimation.score_test import Candidate, Fitted, Score, explained, s
 from bristle.findings import CAUTION, Finding, unit_of
 from bristle.identification.candidates import candidates
 from bristle.identification.dynamic.claims import BRISTLE, jacobian_and_residuals
-from bristle.identification.dynamic.problem import DynamicProblem, Motion, Unknown, Values, modelled, sets_of
+from bristle.identification.dynamic.problem import (
+    DynamicProblem,
+    Motion,
+    Unknown,
+    Values,
+    friction_and_load,
+    modelled,
+    residuals,
+    sets_of,
+)
 from bristle.identification.moving_runs import load_columns
 from bristle.model.parameters import INERTIA, Kind, ParameterName, of_friction, peak_parameters, unit
 
@@ -29,6 +38,7 @@ _ZONES = tuple(np.geomspace(0.01, 0.5, 9).tolist())  # of the largest torque: ha
 _TOPS = (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9)  # of the largest torque: where a sensor or drive saturates
 _BEFORE = (-1.0, -0.5, 0.0, 0.25, 0.5, 0.75, 1.0)  # of the inertia: before what twists; below 0: friction is there, too
 _SMALL = 1e-5  # of the way: a shift of the position with a proportional torque
+_RUNS = 64  # most runs that are asked whether their friction differs
 _PHASE = 0.37  # of a count: the rest position of a simulated counting
 
 
@@ -62,16 +72,26 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
     names = [*(name.name for name in problem.extra_names), *problem.given]
     every = candidates(problem.velocity, problem.time, problem.position, names, kind, len(problem.directions))
 
-    def ask(tell: Callable[[Score, int], Finding | None], *columns: Sequence[Array], is_friction: bool = False) -> None:
+    def ask(tell: Callable[[Score, int], Finding | None], *columns: Sequence[Array], **how: bool) -> None:
         """Add a candidate with alternatives, each a column per motion, or several, (N, k)."""
         alternatives = [_equations(motions, x).reshape(problem.size, -1) for x in columns]
-        every.append(Candidate(tell, alternatives, is_friction=is_friction))
+        every.append(Candidate(tell, alternatives, **how))
 
     lag = [-np.gradient(T, m.time) for T, m in zip(torque, motions, strict=True)]
     late, made = _equations(motions, lag), weight**2 * _made_by_counts(problem, solution)
-    ask(partial(_delay, problem, solution, fit, late, made), lag)
-    grows = [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in zip(torque, motions, strict=True)]
-    ask(partial(_drift, size), grows, is_friction=True)
+    ask(partial(_delay, problem, solution, fit, late, made), lag, is_tried=True)
+    ask(
+        partial(_drift, size),
+        [T * ((m.time - m.time[0]) / np.ptp(m.time) - 0.5) for T, m in zip(torque, motions, strict=True)],
+        is_friction=True,
+    )
+    files = list(dict.fromkeys(m.file for m in motions))
+    if len(files) > 1:  # against the others, of which the level takes up the mean
+        ask(
+            lambda found, which: run_differs(files[which], float(found.sizes[0]), found.share),
+            *([T * (m.file == file) for T, m in zip(friction, motions, strict=True)] for file in files[:_RUNS]),
+            is_friction=True,
+        )
     weighs = [k for k, name in enumerate(names[: extra.size]) if name.startswith("gravity")]
     if weighs and all(m.load is None for m in motions):  # only if friction does not rise with load in the model
         load = [np.abs(m.extra[:, weighs] @ extra[weighs]) * np.sign(m.velocity) for m in motions]
@@ -82,7 +102,11 @@ def analyse_residuals(problem: DynamicProblem, solution: MultistartSolution[Unkn
         shifted = partial(_shifted, problem, solution.values, torque)
         ways = ([-np.tanh(m.velocity / (width * problem.fastest)) for m in motions] for width in _WIDTHS)
         ask(_backlash, *([rubs + inert for rubs, inert in shifted(way)] for way in ways))
-        ask(_flexible, *_twisted(shifted(torque), shifted(_accelerates(motions, values.get(INERTIA, 0.0)))))
+        ask(
+            _flexible,
+            *_twisted(shifted(torque), shifted(_accelerates(motions, values.get(INERTIA, 0.0)))),
+            is_tried=True,
+        )
     if (largest := max(float(np.abs(T).max()) for T in torque)) > 0:
         ask(partial(_dead_zone, largest), *([np.clip(T / (x * largest), -1, 1) for T in torque] for x in _ZONES))
         read = float(np.quantile(np.abs(np.concatenate([m.measured for m in motions])), levels.NEARLY_ALL))
@@ -171,6 +195,27 @@ def _drift(friction: float, found: Score, _: int) -> Finding:
     )
     numbers = {"how": how, "by": abs(by), "share": found.share}
     return Finding("torque-drifts-in-runs", CAUTION, message, numbers, {"torque": abs(by) * friction})
+
+
+def run_differs(file: str, by: float, share: float, effect: float | None = None) -> Finding:
+    """That friction in a run is by a share higher than in others or, where its `effect` is given, N*m, than fitted: it is held out."""
+    than, what = ("in the other runs", "the fit leaves") if effect is None else ("fitted", "is left of it")
+    message = (
+        f"Friction in {file}{', which is held out,' * (effect is not None)} is {100 * abs(by):.2g} % {'higher' if by > 0 else 'lower'} than "
+        f"{than}, which explains {100 * share:.0f} % of what {what}: temperature, load or wear differ. Fit runs of each state apart."
+    )
+    numbers = {"file": file, "by": by, "share": share}
+    return Finding("run-differs", CAUTION, message, numbers, {} if effect is None else {"torque": effect})
+
+
+def held_out_differs(file: str, problem: DynamicProblem, values: Values) -> Finding | None:
+    """Whether a factor on friction explains most of what a run that is held out leaves."""
+    (rest, _), (friction, _) = residuals(problem, values), friction_and_load(problem, values)
+    by = float(friction @ rest) / max(float(friction @ friction), 1e-300)
+    share = by**2 * float(friction @ friction) / max(float(rest @ rest), 1e-300)
+    if share < levels.MOSTLY or abs(by) < levels.MATTERS:
+        return None
+    return run_differs(file, by, share, abs(by) * float(np.sqrt(np.mean(friction**2))))
 
 
 def _by_load(law: str, found: Score, _: int) -> Finding:
@@ -286,8 +331,8 @@ def _bends(largest: float, found: Score, _: int) -> Finding | None:
 def _inertia(kind: Kind, found: Score, _: int) -> Finding:
     more, error, of = float(found.sizes[0]), float(found.errors[0]), unit(INERTIA.name, kind)
     message = (
-        f"The given inertia may be wrong: with {more:+.3g} +/- {error:.2g} {of} added the moving runs fit better; omit inertia to have it "
-        "fitted."
+        f"The given inertia and the torque do not fit together: with {more:+.3g} +/- {error:.2g} {of} added the moving runs fit better. One of "
+        "them is wrong, or the torque constant, gear or scale that makes the torque; omit inertia to have it fitted as the torque has it."
     )
     return Finding("inertia-doubted", CAUTION, message, {"more": more, "error": error, "unit": of})
 
