@@ -47,7 +47,9 @@ def candidates(
         if not (both and over == "velocity"):  # even functions of velocity are covered by the directions
             rows.append(Candidate(partial(_trend, over), (_centred([s, s * s]),), is_friction=over == "velocity"))
     if "position" in scaled:
-        signs = (None, np.sign(velocity)[:, None]) if both else (None,)  # of friction, which turns with the motion
+        # of friction, which turns with the motion; beside gravity it rises with the load, if with anything
+        of_place = both and "gravity_sin" not in parameters
+        signs = (None, np.sign(velocity)[:, None]) if of_place else (None,)
         for sign in signs:
             waves = _Waves(position, min(n // 4, _HARMONICS), sign)
             tell = partial(_ripple, waves.reach, parameters, kind, of_friction=sign is not None)

@@ -8,7 +8,7 @@ import numpy as np
 from scipy.special import expit
 
 from bristle.arrays import Array
-from bristle.data.experiment.schema import AS_WRITTEN, PERIODIC
+from bristle.data.experiment.schema import AS_WRITTEN
 from bristle.estimation import levels
 from bristle.identification.comparison import APART, SYMMETRIC, Comparison
 from bristle.identification.curve import LEAST, accuracy_of, band, curve
@@ -65,7 +65,7 @@ class _Decisions(SignalDecisions):
         self._law()
         self.joint = self.fitted(self.measured)
         self.choose_velocity()
-        self._terms()
+        self._terms("gravity", "spring", "cogging")
         self.take_off()
         if (scale := next((w for w in self.measured.findings if w.code == "scale-by-gravity"), None)) is not None:
             self.told["chosen scale"] = scale.message
@@ -79,6 +79,7 @@ class _Decisions(SignalDecisions):
             fit = self.measured.experiment.fit
             if of_motion and fit.law != before and fit.directions == "symmetric":
                 self._sides()
+        self._terms("ripple")  # what the load does not explain, which is of the position, too
         held = self.measured
         for _ in range(_ROUNDS):
             if (settled := without_settling(held, self.joint, self.measured)) is None:
@@ -141,9 +142,9 @@ class _Decisions(SignalDecisions):
             law = PAPER if laws is None else laws.chosen.name
             self.measured = with_options(measured, law=law)
 
-    def _terms(self) -> None:
-        """Add gravity, a spring, cogging or a ripple of friction where it explains half of the residuals: the first regression may miss it."""
-        for term in ("gravity", "spring", *PERIODIC):
+    def _terms(self, *terms: str) -> None:
+        """Add each of some terms of the position where it explains half of the residuals: the first regression may miss it."""
+        for term in terms:
             fit, moving = self.measured.experiment.fit, self.joint.moving
             trend = "spring" if slides(self.measured.experiment.joint.kind) else "gravity"
             lacks = {"residual-ripple": "cogging", "friction-by-position": "ripple", "residual-trend": trend}
