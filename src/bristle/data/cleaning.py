@@ -169,13 +169,10 @@ def _drop_by_time(rows: _Rows, cleaning: Cleaning) -> None:
     behind = np.append(False, time[1:] < seen[:-1])[: time.size]
     twice = np.append(False, time[1:] <= seen[:-1])[: time.size] & ~behind
     if twice.mean() > levels.REPEATED and np.ptp(time) > 0:
-        rate, advice = (
-            "--rate '100 Hz' (time: {rate: 100 Hz})",
-            "name one with more digits, or give the rate in its place",
-        )
+        step = float(np.median(np.diff(np.unique(time))))
         raise InputError(
-            f"the time stamp of {100 * twice.mean():.0f} % of the rows repeats the one before: its column counts in steps of "
-            f"{float(np.median(np.diff(np.unique(time)))):.3g} s; {advice}, as in {rate}"
+            f"the time stamp of {100 * twice.mean():.0f} % of the rows repeats the one before: its column counts in steps of {step:.3g} s; "
+            "name one with more digits, or give the rate in its place, as in --rate '100 Hz' (time: {rate: 100 Hz})"
         )
     k, remedy = int(np.argmax(behind)), "split the log, or declare cleaning: {backward: drop}"
     refused = f"at which time runs backward ({seen[k - 1]:.9g} s to {time[k]:.9g} s); {remedy}"

@@ -108,6 +108,7 @@ def smoothed(record: Record, values: Array, cutoff: float, *, noisy: bool = Fals
     reach = max(15, round(1 / (record.step * cutoff)))
 
     def one(x: Array) -> Array:
+        """A segment, or several signals of it."""
         pad = min(reach, len(x) - 1)
         if noisy and pad > 1:
             first, last = (_end(part) for part in (x[pad // 2 :: -1], x[-pad // 2 - 1 :]))

@@ -83,10 +83,14 @@ def without_delay(measured: Measured, late: float, error: float = 0.0, *, final:
         gains = {"position": motor.at_joint().kp, "velocity": motor.at_joint().kd}
 
     def earlier(record: Record) -> Record:
+        """A run with its torque, and what goes with it, so much earlier."""
+
         def moved(x: Array, by: float = late) -> Array:
+            """A signal `by` s earlier."""
             return np.interp(record.time + by, record.time, x)
 
         def torque(by: float) -> Array:
+            """The torque `by` s earlier; what the drive makes of fresh measurements stays."""
             made = moved(np.asarray(record.torque), by)
             for name, gain in gains.items():
                 was = np.asarray(getattr(record, name))

@@ -95,6 +95,7 @@ class SignalDecisions:
         now = self._left(self.measured)
 
         def ratio(others: Measured) -> float:
+            """Of these records."""
             left = self._left(others)
             if now is None or left is None:
                 return float("inf")
@@ -142,9 +143,8 @@ class SignalDecisions:
                 "(fit.set_up: as-written overrules)"
             )
         lags = [w.numbers for r in moving for w in r.warnings if w.code == "velocity-lags" and w.numbers["filtered"]]
-        if (
-            lags and not lower
-        ):  # a torque through the same filter fits the late velocity, but gravity is of the position
+        # a torque through the same filter fits the late velocity, but gravity is of the position
+        if lags and not lower:
             late = float(np.median([x["lag"] for x in lags]))
             if self.take(with_slopes(without_delay(self.measured, late), files), most):
                 self.late = late

@@ -47,7 +47,7 @@ _UNITS = {
 _LONG = "|".join(name for names in _NAMES.values() for name in names if len(name) > 2)
 _COMPOUND = re.compile(rf"(ist|soll|motor)?({_LONG})(istwert|sollwert|wert)?")  # German, as Lageistwert
 _SECONDS = {"sec": ("nanosec", "nsec"), "secs": ("nanosecs", "nsecs")}  # of stamps in two columns
-_DRIVES = ("torque", "current", "voltage")
+DRIVES = ("torque", "current", "voltage")  # the first that is there drives the joint
 _OF_DQ = ("current", "voltage")  # `i_d` is along the magnet, and not desired
 _MEASURED = 1.8  # least score of a name that is not a command's
 LONGEST = 100  # characters of a column's name that may be a usual one
@@ -100,7 +100,7 @@ def guess_columns(names: Sequence[str], stated: Sequence[str] = ()) -> dict[str,
         del guesses["torque"]  # that was asked for, beside a current that was measured
     # else the only column in a unit of a signal that no name means
     taken = {guess.column for guess in guesses.values()}
-    drives = () if guesses.keys() & {*_DRIVES, *COMMANDS} else _DRIVES
+    drives = () if guesses.keys() & {*DRIVES, *COMMANDS} else DRIVES
     for signal in (x for x in ("time", "position", "velocity", *drives) if x not in guesses):
         left = [name for name in once if name not in taken and not _is_other(name)]
         measured = [(name, own) for name in left if (own := unit_in(name, signal, units.get(name, "")))]
@@ -194,7 +194,7 @@ def _score(words: list[str], signal: str, unit: str) -> float:
     elif at is None or rest & _OTHER or ("d" in rest and signal in _OF_DQ):
         return 0.0
     elif rest & _ASKED:
-        score = 1.0 if signal in _DRIVES else 0.0
+        score = 1.0 if signal in DRIVES else 0.0
     # 2 letters of a name that means a signal only beside words such as `motor` or `measured`
     elif len(words[at]) > 2 or rest <= _BESIDE:
         score = 2.0 + 0.01 * at - 0.1 * (not rest <= _BESIDE)

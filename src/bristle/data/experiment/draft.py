@@ -14,7 +14,7 @@ from bristle.arrays import Array
 from bristle.data.binary_tables import READERS, names_of
 from bristle.data.columns import ISO, Key
 from bristle.data.encoder import unit_of_counts
-from bristle.data.experiment.column_names import LONGEST, ColumnGuess, guess_columns, unit_in
+from bristle.data.experiment.column_names import DRIVES, LONGEST, ColumnGuess, guess_columns, unit_in
 from bristle.data.experiment.schema import RunKind
 from bristle.data.experiment.signals import COMMANDS, DRIVE
 from bristle.data.ros.bag import is_bag
@@ -29,7 +29,6 @@ from bristle.model.parameters import Kind
 from bristle.model.parameters import unit as unit_of
 
 SIGNALS = ("time", "position", "velocity", "torque", "current", "voltage")  # that a column can be, of a robot too
-DRIVES = ("torque", "current", "voltage")
 """Efforts, in the order in which they are taken: each needs one constant more than the one before."""
 STATE_FIELDS = {"position": "position", "velocity": "velocity", "torque": "effort"}  # of joint states, by signal
 _OF_MOTOR = ("torque_constant", "resistance", "kp", "kd", "torque_limit")

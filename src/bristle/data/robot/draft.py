@@ -4,8 +4,8 @@ import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from bristle.data.experiment.column_names import guess_columns
-from bristle.data.experiment.draft import DRIVES, SIGNALS, STATE_FIELDS, Told, is_there, quoted, relative
+from bristle.data.experiment.column_names import DRIVES, guess_columns
+from bristle.data.experiment.draft import SIGNALS, STATE_FIELDS, Told, is_there, quoted, relative
 from bristle.data.robot.robot_file import FREE
 from bristle.data.robot.urdf import Urdf, UrdfJoint, read_urdf
 from bristle.data.ros.bag import is_bag

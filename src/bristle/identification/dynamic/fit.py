@@ -90,7 +90,9 @@ def fit_tracking(
     problem, solution, more, shown = _settled(problem, start, others, progress, search=search)
     dropped = {**(dropped or {}), **more}
     held = [(file, replace(p, fixed=problem.fixed)) for file, p in held]
-    ended = [(file, p, with_deflections(p, without_deflections(solution.values))) for file, p in held]
+    # each from a deflection that carries the first torque
+    began = [with_deflections(p, without_deflections(solution.values)) for _, p in held]
+    ended = [(file, p, x, residuals(p, x)[0]) for (file, p), x in zip(held, began, strict=True)]
     left = analyse_residuals(problem, solution, kind)
     estimates = estimates_of(problem, solution, kind, dropped, shown, left)
     unseen = {name: e for name, e in estimates.items() if e.value is None}
@@ -119,7 +121,7 @@ def fit_tracking(
         rms=float(np.sqrt(np.mean(rows**2))), relative_error=problem.percent(rows), n=rows.size, outcome=outcome,
         starts=solution.starts, reached=solution.reached,
         condition=condition(solution.minimum.jacobian[:, seen_parameters(solution)]), warnings=warnings,
-        hold_out=tuple(HoldOut(file=file, relative_error=relative_error(p, solution.values)) for file, p in held),
+        hold_out=tuple(HoldOut(file=file, relative_error=p.percent(rest)) for file, p, _, rest in ended),
         names=free, covariance=solution.covariance[: len(free), : len(free)],
         fixed={**problem.fixed, **{name: solution.values[name] for name in unseen if name in solution.values}},
         time=problem.time, velocity=problem.velocity, measured=problem.measured, residuals=rows,
@@ -220,11 +222,6 @@ def _not_shown(
         elif values[alpha_1] > values.get(alpha_0, np.inf) and errors[alpha_1] > levels.WIDE * values[alpha_1]:
             unsure[alpha_1] = values[alpha_0], wide(errors[alpha_1] / values[alpha_1])
     return bends or unsure or none
-
-
-def relative_error(problem: DynamicProblem, values: Values) -> float:
-    """100 * norm(measured - predicted) / norm(measured), percent, from a deflection that carries the first torque."""
-    return problem.percent(residuals(problem, with_deflections(problem, without_deflections(values)))[0])
 
 
 def estimates_of(

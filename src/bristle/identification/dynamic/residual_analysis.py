@@ -26,7 +26,6 @@ from bristle.identification.dynamic.problem import (
     Values,
     friction_and_load,
     modelled,
-    residuals,
     sets_of,
 )
 from bristle.identification.moving_runs import load_columns
@@ -208,9 +207,9 @@ def run_differs(file: str, by: float, share: float, effect: float | None = None)
     return Finding("run-differs", CAUTION, message, numbers, {} if effect is None else {"torque": effect})
 
 
-def held_out_differs(file: str, problem: DynamicProblem, values: Values) -> Finding | None:
-    """Whether a factor on friction explains most of what a run that is held out leaves."""
-    (rest, _), (friction, _) = residuals(problem, values), friction_and_load(problem, values)
+def held_out_differs(file: str, problem: DynamicProblem, values: Values, rest: Array) -> Finding | None:
+    """Whether a factor on friction explains most of what a run that is held out leaves, (n,)."""
+    friction, _ = friction_and_load(problem, values)
     by = float(friction @ rest) / max(float(friction @ friction), 1e-300)
     share = by**2 * float(friction @ friction) / max(float(rest @ rest), 1e-300)
     if share < levels.MOSTLY or abs(by) < levels.MATTERS:
